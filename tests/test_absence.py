@@ -400,7 +400,7 @@ def test_what_is_pruned_in_callees_is_cut_there_too(plain):
     assert abs(absent / cut - 1) <= TOLERANCE and furnished(*three, plain) > 2 * absent
 
 
-LIBRARIES = {"embreex", "trimesh", "OpenImageIO", "matplotlib", "PIL", "mpmath", "tqdm"}
+LIBRARIES = {"embreex", "trimesh", "plyfile", "mapbox_earcut", "OpenImageIO", "matplotlib", "PIL", "mpmath", "tqdm"}
 HEAVY = LIBRARIES | {"numba", "llvmlite", "scipy", "batoid", "zarr", "xarray", "pandas", "dask", "distributed"}
 
 LOOK = """

@@ -18,7 +18,18 @@ if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
     from plenoptic.scene.files.load import FileContents
 
-_LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "OpenImageIO", "trimesh", "pillow", "matplotlib")
+_LIBRARIES = (
+    "numpy",
+    "numba",
+    "llvmlite",
+    "embreex",
+    "OpenImageIO",
+    "trimesh",
+    "plyfile",
+    "mapbox_earcut",
+    "pillow",
+    "matplotlib",
+)
 
 
 def fill_parser(parser: argparse.ArgumentParser) -> None:

@@ -1,5 +1,8 @@
 import itertools
 import os
+import struct
+import warnings
+import zlib
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ from PIL import Image
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files import images
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.scene.textures.texture import Texture
 
 
 @pytest.fixture
@@ -95,6 +99,137 @@ def test_one_channel_of_a_file(tmp_path):
     images.write_channels(tmp_path / "a.exr", {"U": np.ones((2, 3)), "V": np.ones((2, 3))})
     with pytest.raises(FileError, match="holds the channels U, V; a picture needs R, G, B"):
         images.read_linear(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize("gamma", [None, 100000, 45455, 55556, 35000])
+def test_a_given_encoding_counts_whatever_a_png_states(tmp_path, gamma):
+    """gAMA (PNG 1.2, 4.2.2.1) in 100000ths, before the pixels; glTF textures are decoded by their use too."""
+    Image.new("RGB", (3, 2), (128, 64, 255)).save(tmp_path / "a.png")
+    content = (tmp_path / "a.png").read_bytes()
+    if gamma is not None:
+        chunk = b"gAMA" + gamma.to_bytes(4, "big")
+        content = content[:33] + bytes([0, 0, 0, 4]) + chunk + zlib.crc32(chunk).to_bytes(4, "big") + content[33:]
+    (tmp_path / "a.png").write_bytes(content)
+    codes = np.array([128, 64, 255]) / 255
+    srgb = ((codes + 0.055) / 1.055) ** 2.4
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for read in (
+            Texture.load(tmp_path / "a.png").texels,
+            images.read_linear(tmp_path / "a.png", encoding=Encoding.SRGB),
+            Texture.from_image(Image.open(tmp_path / "a.png")).texels,
+        ):
+            np.testing.assert_allclose(read[0, 0], srgb, rtol=1e-6)
+        np.testing.assert_allclose(Texture.load(tmp_path / "a.png", encoding=Encoding.LINEAR).texels[0, 0], codes, 1e-6)
+    assert [str(one.message).partition("states that its ")[2][:16] for one in caught] == ["codes are linear"] * (
+        2 * (gamma == 100000)
+    )
+    stated = images.read_linear(tmp_path / "a.png")[0, 0]
+    np.testing.assert_allclose(stated, codes if gamma == 100000 else srgb, rtol=1e-6)
+
+
+# Rows and columns of data, its upper left pixel in the display window of 4 x 5, and the part of the window it covers.
+WINDOWS = [
+    ((2, 5), (2, 0), np.s_[2:4, 0:5], np.s_[:, :]),
+    ((4, 2), (0, 3), np.s_[0:4, 3:5], np.s_[:, :]),
+    ((6, 9), (-1, -2), np.s_[0:4, 0:5], np.s_[1:5, 2:7]),
+    ((3, 3), (-2, 3), np.s_[0:1, 3:5], np.s_[2:3, 0:2]),
+    ((2, 2), (7, 1), np.s_[0:0, 0:0], np.s_[0:0, 0:0]),
+    ((4, 5), (0, 0), np.s_[0:4, 0:5], np.s_[:, :]),
+]
+
+
+@pytest.mark.parametrize("origin", [(0, 0), (10, -3)])
+@pytest.mark.parametrize("window", WINDOWS)
+def test_the_picture_of_an_exr_file_is_its_display_window(tmp_path, window, origin):
+    shape, (top, left), shown, covered = window
+    data = np.random.default_rng(3).uniform(1, 2, (*shape, 3)).astype(np.float32)
+    write_exr(tmp_path / "a.exr", data, "RGB", (top + origin[0], left + origin[1]), origin, (4, 5))
+    expected = np.zeros((4, 5, 3), dtype=np.float32)
+    expected[shown] = data[covered]
+    np.testing.assert_array_equal(images.read_linear(tmp_path / "a.exr"), expected)
+    np.testing.assert_array_equal(images.read_channels(tmp_path / "a.exr")[0]["G"], expected[:, :, 1])
+    assert images.read_header(tmp_path / "a.exr").shape == (4, 5)
+    with pytest.raises(FileError, match="has 4 x 5 pixels; it must have at most 19"):
+        images.read_linear(tmp_path / "a.exr", max_pixels=19)
+    write_exr(tmp_path / "a.exr", data, "RGB", (0, 0), (0, 0), (1 << 20, 1 << 20))
+    with pytest.raises(FileError, match="bytes of memory"):
+        images.read_linear(tmp_path / "a.exr")
+
+
+def write_exr(path, data, names, corner, origin, display):
+    """An EXR file, uncompressed, byte by byte: "Technical Introduction to OpenEXR" (2013) and "OpenEXR File Layout"."""
+
+    def attribute(name, kind, value):
+        return name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value
+
+    def box(corner, shape):
+        return struct.pack("<4i", corner[1], corner[0], corner[1] + shape[1] - 1, corner[0] + shape[0] - 1)
+
+    order = sorted(range(len(names)), key=lambda k: names[k])
+    channels = b"".join(names[k].encode() + b"\0" + struct.pack("<iB3xii", 2, 0, 1, 1) for k in order) + b"\0"
+    head = struct.pack("<ii", 20000630, 2) + attribute(b"channels", b"chlist", channels)
+    head += attribute(b"compression", b"compression", b"\0") + attribute(b"lineOrder", b"lineOrder", b"\0")
+    head += attribute(b"dataWindow", b"box2i", box(corner, data.shape))
+    head += attribute(b"displayWindow", b"box2i", box(origin, display))
+    head += attribute(b"pixelAspectRatio", b"float", struct.pack("<f", 1))
+    head += attribute(b"screenWindowCenter", b"v2f", bytes(8))
+    head += attribute(b"screenWindowWidth", b"float", struct.pack("<f", 1)) + b"\0"
+    rows = [struct.pack("<ii", corner[0] + y, row.nbytes) + row[:, order].T.tobytes() for y, row in enumerate(data)]
+    start = len(head) + 8 * len(rows)
+    offsets = [start + sum(map(len, rows[:y])) for y in range(len(rows))]
+    path.write_bytes(head + struct.pack(f"<{len(rows)}q", *offsets) + b"".join(rows))
+
+
+@pytest.mark.parametrize(
+    ("names", "picture", "alpha"),
+    [
+        (["r", "g", "b"], "rgb", None),
+        (["r", "G", "b", "a"], ["r", "G", "b"], "a"),
+        (["diffuse.R", "diffuse.G", "diffuse.B", "diffuse.A"], ["diffuse.R", "diffuse.G", "diffuse.B"], "diffuse.A"),
+        (
+            ["View.Combined.r", "View.Combined.g", "View.Combined.b", "View.Depth.Z"],
+            ["View.Combined." + c for c in "rgb"],
+            None,
+        ),
+        (["R", "G", "B", "error.R", "error.G", "error.B", "error.A"], "RGB", None),
+        (["y", "a"], "y", "a"),
+        (["Y", "error.R", "error.G", "error.B"], "Y", None),
+        (
+            ["left.R", "left.G", "left.B", "right.R", "right.G", "right.B"],
+            "holds pictures in the layers left, right",
+            None,
+        ),
+        (["X", "Y", "Z"], "holds the channels X, Y, Z; a picture needs", None),
+        (["Y", "RY", "BY"], "holds the channels .*RY.*; a picture needs", None),
+        (["position.X", "position.Y", "position.Z", "n.R"], "holds the channels", None),
+    ],
+)
+def test_channels_of_layers_and_in_lower_case(tmp_path, names, picture, alpha):
+    data = np.random.default_rng(4).uniform(size=(2, 3, len(names))).astype(np.float32)
+    write_exr(tmp_path / "a.exr", data, names, (0, 0), (0, 0), (2, 3))
+    if isinstance(picture, str) and len(picture) > 3:
+        with pytest.raises(FileError, match=rf"a\.exr' {picture}"):
+            images.read_linear(tmp_path / "a.exr")
+        return
+    expected = data[:, :, [names.index(name) for name in picture]]
+    np.testing.assert_array_equal(images.read_linear(tmp_path / "a.exr"), expected)
+    assert images.read_header(tmp_path / "a.exr").picture == list(picture)
+    opacity = np.ones((2, 3), np.float32) if alpha is None else data[:, :, names.index(alpha)]
+    np.testing.assert_array_equal(images.read_linear(tmp_path / "a.exr", channel=3)[:, :, 0], opacity)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [*itertools.product("-+", "+-")])
+def test_rows_and_columns_of_hdr_files_in_any_order(tmp_path, rows, columns):
+    """Radiance: -Y N +X M stores the upper row first; code 128 of exponent 129 is 1."""
+    codes = np.array([[[128, 0, 0, 129], [0, 128, 0, 129], [0, 0, 128, 129]], [[0, 128, 128, 129]] * 3], dtype=np.uint8)
+    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{rows}Y 2 {columns}X 3\n".encode()
+    (tmp_path / "a.hdr").write_bytes(head + codes.tobytes())
+    upright = codes[:: 1 if rows == "-" else -1, :: 1 if columns == "+" else -1, :3] / 128
+    np.testing.assert_array_equal(images.read_linear(tmp_path / "a.hdr"), upright)
+    (tmp_path / "a.hdr").write_bytes(head.replace(b"Y 2", b"X 2").replace(b"X 3", b"Y 3") + codes.tobytes())
+    with pytest.raises(FileError, match=r"a\.hdr' stores columns in place of rows"):
+        images.read_linear(tmp_path / "a.hdr")
 
 
 def test_a_limit_on_pixels(tmp_path):

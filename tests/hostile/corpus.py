@@ -73,7 +73,7 @@ def note(event, arguments):
 def main(folder, each):
     warnings.simplefilter("ignore")
     # All libraries are loaded before memory is measured.
-    for name in ("trimesh", "PIL.Image", "OpenImageIO"):
+    for name in ("trimesh", "plyfile", "mapbox_earcut", "PIL.Image", "OpenImageIO"):
         __import__(name)
     pl.Scene([pl.box(1)])
     start = peak()

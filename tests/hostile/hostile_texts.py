@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 import struct
 
@@ -58,6 +59,13 @@ def textured(image):
     return obj(f"mtllib a.mtl\n{CORNERS}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n", f"newmtl a\nmap_Kd {image}\n")
 
 
+def spiral(count):
+    """Two turns that run back on themselves: dividing it takes time by the cube of its corners."""
+    turns = [*range(count // 2), *(k + 0.5 for k in reversed(range(count // 2)))]
+    lines = [f"v {k * math.cos(k / 10):.6f} {k * math.sin(k / 10):.6f} 0\n" for k in turns]
+    return "".join(lines) + "f " + " ".join(map(str, range(1, count + 1))) + "\n"
+
+
 def pipe(name):
     def make(folder):
         os.mkfifo(folder / name)
@@ -102,6 +110,10 @@ def absolute_materials(folder):
 AGAIN = "".join(f"mtllib {'./' * k}a.mtl\n" for k in range(1, 3000))
 LIST, SPACES, LITTLE = "property list uchar int a\n", " " * 100_000, "binary_little_endian"
 SPACED = f"comment texturefile{SPACES}a{SPACES}b\n"
+LONG = "element face 1\nproperty list uint int vertex_indices\nend_header\n"
+UNEQUAL = (PLY.format(LITTLE, "") + PLY_FACES.format(200_000)).partition("0 0 0\n")[0].encode()
+UNEQUAL += struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0) + struct.pack("<B3i", 3, 0, 1, 2) * 199_999
+UNEQUAL += struct.pack("<B4i", 4, 0, 1, 2, 1)
 SOLID = "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n"
 SURFACES = "".join(f"SURF {k}\n CURV 0.01\n DISZ 1\n" for k in range(100_000))
 TOO_MANY = "a.csv, line 100001: there are 100000 surfaces and stops; a lens has at most 10000"
@@ -121,7 +133,8 @@ TEXTS = {
     "obj: map that is a pipe": (named_pipe, "pipe.png' is no file"),
     "obj: map that is missing": (textured("C:\\a.png"), "does not exist"),
     "obj: a pipe": (pipe("a.obj"), "a.obj' is no file"),
-    "obj: spaces in a name": (obj(f"mtllib a{SPACES}b\n{BODY}"), "a.obj"),
+    "obj: spaces in a name": (obj(f"mtllib a{SPACES}b\n{BODY}"), None),
+    "obj: a spiral of 50 000 corners": (obj(spiral(50_000)), "concave faces of up to 50000 corners"),
     "obj: spaces before a comment": (obj(BODY + ("f " + " " * 1000 + "\n") * 100 + " " * 10**6), None),
     "obj: index beyond": (obj(CORNERS + "f 1 2 1000000000000\n"), "a.obj"),
     "obj: index beyond any number": (obj(CORNERS + f"f 1 2 {10**40}\n"), "a.obj"),
@@ -133,11 +146,14 @@ TEXTS = {
     "ply: a good file": (ply("ascii", 1), None),
     "ply: texture of the parent folder": (ply("ascii", 1, "comment TextureFile ../secret.png\n"), OUTSIDE),
     "ply: texture from a device": (ply("ascii", 1, "comment TextureFile /dev/stdin\n"), OUTSIDE),
-    "ply: 4e9 faces": (ply(LITTLE, 4 * 10**9), "unexpected length"),
+    "ply: 4e9 faces": (ply(LITTLE, 4 * 10**9), "it is cut off"),
+    "ply: 4e9 faces in text": (ply("ascii", 4 * 10**9), "it is cut off"),
+    "ply: a list of 4e9": (written("a.ply", PLY.format(LITTLE, "") + LONG + "\xff" * 40), "a.ply"),
+    "ply: 2e5 lists, one longer": (written("a.ply", UNEQUAL), None),
     "ply: 1e30 faces": (ply(LITTLE, 10**30), "a.ply"),
     "ply: -1 faces": (ply("binary_big_endian", -1), "a.ply"),
     "ply: endless header": (written("a.ply", PLY.format("ascii", "comment\n" * 200_000)), "a.ply"),
-    "ply: 990 lists": (written("a.ply", PLY.format(LITTLE, "") + LIST * 990 + PLY_FACES.format(1)), "991 lists"),
+    "ply: 990 lists": (written("a.ply", PLY.format(LITTLE, "") + LIST * 990 + PLY_FACES.format(1)), "a.ply"),
     "ply: spaces in a comment": (written("a.ply", PLY.format("ascii", SPACED)), "a.ply"),
     "ply: a pipe": (pipe("a.ply"), "a.ply' is no file"),
     "stl: 4e9 triangles": (written("a.stl", bytes(80) + b"\xff\xff\xff\xff" + bytes(50)), "cut off"),

@@ -27,7 +27,7 @@ class Encoding(enum.IntEnum):
     """
 
     SRGB = 0
-    """Colours encoded for displays (IEC 61966-2-1); linear if the file says so."""
+    """Colours encoded for displays (IEC 61966-2-1)."""
     LINEAR = 1
     """Proportional to the quantity: normals, roughness, opacity and other data."""
 

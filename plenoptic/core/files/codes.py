@@ -60,15 +60,68 @@ def stored_metadata(spec: Any, start: bytes) -> dict[str, Any]:
 
 
 def picture_names(names: list[str], path: str | os.PathLike[str]) -> list[str]:
-    """Names of the channels of a file that are its picture: R, G, B, or Y, or the only one."""
-    picture = next((channels for channels in (["R", "G", "B"], ["Y"]) if set(channels) <= set(names)), None)
-    if picture is None:
-        picture = [name for name in names if name != "A"]
-        if len(picture) != 1:
-            raise FileError(
-                f"{os.fspath(path)!r} holds the channels {', '.join(names)}; a picture needs R, G, B, or Y, "
-                "or a single channel"
-            )
+    """Names of the channels of a file that are its picture, in upper or lower case.
+
+    R, G, B, or Y, without a layer; else R, G, B of the only layer that has them ("diffuse.R"); else the only channel.
+    """
+    layers: dict[str, dict[str, str]] = {}
+    for name in sorted(names, reverse=True):  # lower case first: capitals replace it
+        layer, _, channel = name.rpartition(".")
+        layers.setdefault(layer, {})[channel.upper()] = name
+    plain = layers.get("", {})
+    pictures = {layer: [of[c] for c in "RGB"] for layer, of in layers.items() if {"R", "G", "B"} <= of.keys()}
+    if "" in pictures:
+        return pictures[""]
+    if "Y" in plain and not {"X", "RY"} & plain.keys():  # XYZ or luminance and chrominance are no grey pictures
+        return [plain["Y"]]
+    single = [name for name in names if name.upper() != "A"]
+    if len(pictures) > 1:
+        raise FileError(
+            f"{os.fspath(path)!r} holds pictures in the layers {', '.join(sorted(pictures))}; keep one, or take its "
+            "channels from read_channels"
+        )
+    if not pictures and len(single) != 1:
+        raise FileError(
+            f"{os.fspath(path)!r} holds the channels {', '.join(names)}; a picture needs R, G, B, or Y, "
+            "or a single channel"
+        )
+    return next(iter(pictures.values()), single)
+
+
+def alpha_name(names: list[str], path: str | os.PathLike[str]) -> str | None:
+    """Name of the opacity channel of a file, in the layer of its picture; None if it has none."""
+    layer, dot, _ = ("", "", "") if "A" in names else picture_names(names, path)[0].rpartition(".")
+    return next((name for name in (f"{layer}{dot}A", f"{layer}{dot}a") if name in names), None)
+
+
+def picture_shape(spec: Any, file_format: str) -> tuple[int, int]:
+    """Rows and columns of the picture of OpenImageIO's specification: of EXR files, those of the display window."""
+    return (spec.full_height, spec.full_width) if file_format == "openexr" else (spec.height, spec.width)
+
+
+def arrange_pixels(
+    pixels: NDArray[np.float32], spec: Any, file_format: str, path: str | os.PathLike[str]
+) -> NDArray[np.float32]:
+    """The picture of all pixels in a file, row 0 at the top.
+
+    An EXR file's display window is its picture; it is 0 where the file has no data, and data beyond it are dropped.
+    Rows and columns of a Radiance file (.hdr) may be stored backwards.
+    """
+    if file_format == "hdr":
+        orientation = spec.get_int_attribute("Orientation", 1)
+        if orientation > 4:
+            raise FileError(f"{os.fspath(path)!r} stores columns in place of rows; save it again")
+        return np.ascontiguousarray(
+            pixels[:: -1 if orientation in (3, 4) else 1, :: -1 if orientation in (2, 3) else 1]
+        )
+    rows, columns = picture_shape(spec, file_format)
+    top, left = spec.y - spec.full_y, spec.x - spec.full_x
+    if file_format != "openexr" or (top, left, spec.height, spec.width) == (0, 0, rows, columns):
+        return pixels
+    picture = np.zeros((rows, columns, spec.nchannels), dtype=np.float32)
+    shown = pixels[max(-top, 0) : max(rows - top, 0), max(-left, 0) : max(columns - left, 0)]
+    top, left = max(top, 0), max(left, 0)
+    picture[top : top + shown.shape[0], left : left + shown.shape[1]] = shown
     return picture
 
 
@@ -93,11 +146,23 @@ def decode_picture(
     path: str | os.PathLike[str],
     encoding: Encoding | None = None,
 ) -> NDArray[np.float32]:
-    """Decode a file's picture in place unless it is linear; warn of 16 bits without encoding. `kind`: its numbers."""
-    is_linear = kind in ("half", "float", "double") or "lin" in str(metadata.get(COLOR_SPACE)).lower()
-    if is_linear or encoding is Encoding.LINEAR:
+    """Decode a file's picture in place unless it is linear. `kind` is the type of the file's numbers.
+
+    An encoding that is given counts, whatever the file states: a gAMA chunk of 1.0, an ICC profile, or the text of
+    `write_16bit`; glTF demands this too. None: linear if the file says so, else sRGB, with a warning for 16 bits
+    without a statement.
+    """
+    states_linear = "lin" in str(metadata.get(COLOR_SPACE)).lower()
+    is_linear = states_linear if encoding is None else encoding is Encoding.LINEAR
+    if is_linear or kind in ("half", "float", "double"):
         return image
-    if encoding is None and kind == "uint16" and not {COLOR_SPACE, "ICCProfile"} & metadata.keys():
+    if states_linear:
+        warn(
+            f"{os.fspath(path)!r} states that its codes are linear, and they are decoded as sRGB, as asked for; if "
+            "they are data, give encoding=pl.images.Encoding.LINEAR",
+            FileWarning,
+        )
+    elif encoding is None and kind == "uint16" and not {COLOR_SPACE, "ICCProfile"} & metadata.keys():
         warn(
             f"{os.fspath(path)!r} does not state whether its 16 bits are sRGB or linear, and they are decoded as sRGB; "
             "read_linear and the readers of views take encoding=pl.images.Encoding.LINEAR, or SRGB",

@@ -25,11 +25,14 @@ from plenoptic.core.files.codes import (
     ALPHA,
     COLOR_SPACE,
     ImageHeader,
+    alpha_name,
+    arrange_pixels,
     channel_number,
     decode_picture,
     each_channel,
     picture_names,
     picture_of,
+    picture_shape,
     stored_metadata,
 )
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, check_memory, check_scans
@@ -67,11 +70,12 @@ def read_linear(
     Parameters
     ----------
     path : path-like
-        PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads.
+        PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads. The picture of an EXR file is its display
+        window, and the only layer that has R, G, B where its channels have layers.
     encoding : Encoding, optional
-        Encoding of integers: SRGB decodes them unless the file's metadata says that they are linear, LINEAR
-        never does. A gamma other than these two is decoded as sRGB. None: SRGB, with a FileWarning for integers of
-        16 bits whose file states no encoding, as those of many cameras, which are linear.
+        Encoding of integers, whatever the file states (a PNG's gAMA, an ICC profile), with a FileWarning where SRGB is
+        given and the file says that they are linear. None: linear if the file says so, else SRGB, with a FileWarning
+        for integers of 16 bits whose file states no encoding, as those of many cameras, which are linear.
     channel : int, optional
         A single channel: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for alpha, which is
         never sRGB and 1 if the file has none. By default all but alpha.
@@ -105,7 +109,8 @@ def read_linear(
     channel = channel_number(channel)
     pixels, names, metadata, kind = _read(path, limits, max_pixels)
     if channel == ALPHA:
-        return np.take(pixels, [names.index("A")], axis=2) if "A" in names else np.ones_like(pixels[:, :, :1])
+        alpha = alpha_name(names, path)
+        return np.ones_like(pixels[:, :, :1]) if alpha is None else np.take(pixels, [names.index(alpha)], axis=2)
     image = picture_of(pixels, names, path)
     if channel is not None and image.shape[2] > 1:
         image = np.ascontiguousarray(image[:, :, channel : channel + 1])
@@ -162,9 +167,9 @@ def read_picture(
 
 def read_header(path: str | os.PathLike[str]) -> ImageHeader:
     """Shape, channels and metadata of an image file, without its pixels; damage among these goes unnoticed."""
-    with _open_image(path, DEFAULT) as (_, spec, metadata):
+    with _open_image(path, DEFAULT) as (source, spec, metadata):
         names = list(spec.channelnames)
-        return ImageHeader((spec.height, spec.width), names, picture_names(names, path), metadata)
+        return ImageHeader(picture_shape(spec, source.format_name()), names, picture_names(names, path), metadata)
 
 
 def write_channels(
@@ -276,10 +281,10 @@ def _read(path: str | os.PathLike[str], limits: FileLimits, max_pixels: int | No
 
     with _open_image(path, limits, max_pixels) as (source, spec, metadata):
         pixels = source.read_image(oiio.FLOAT)
-        trouble = _reason(source)
+        file_format, trouble = source.format_name(), _reason(source)
     if pixels is None:
         raise FileError(f"{os.fspath(path)!r} is damaged: {trouble}; restore it from its origin")
-    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    pixels = arrange_pixels(pixels.reshape(spec.height, spec.width, spec.nchannels), spec, file_format, path)
     return pixels, list(spec.channelnames), metadata, str(spec.format)
 
 
@@ -312,13 +317,14 @@ def _open_image(
         raise FileError(f"{name!r} cannot be read as an image: {reason}; give an image file")
     try:
         spec = source.spec()
-        if max_pixels is not None and spec.width * spec.height > max_pixels:
+        rows, columns = picture_shape(spec, source.format_name())
+        if max_pixels is not None and rows * columns > max_pixels:
             raise FileError(
-                f"{name!r} has {spec.height} x {spec.width} pixels; it must have at most {max_pixels} here, "
-                "so scale it down"
+                f"{name!r} has {rows} x {columns} pixels; it must have at most {max_pixels} here, so scale it down"
             )
         # It is read as float32, and each channel is copied.
-        check_memory(8 * max(spec.image_pixels(), spec.tile_pixels()) * spec.nchannels, repr(name), size, limits)
+        pixels = max(spec.image_pixels(), spec.tile_pixels(), rows * columns)
+        check_memory(8 * pixels * spec.nchannels, repr(name), size, limits)
         yield source, spec, stored_metadata(spec, start)
     except UnicodeDecodeError as error:
         raise FileError(f"{name!r} is damaged: it holds an invalid text; restore it from its origin") from error

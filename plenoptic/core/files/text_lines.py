@@ -6,11 +6,15 @@ import codecs
 import csv
 import io
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from plenoptic.errors import InvalidValueError, PrescriptionError
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 
 
 def decode_text(content: bytes, *, errors: str = "strict") -> str:
@@ -42,6 +46,16 @@ def parse_number(word: str, name: str) -> float:
     if abs(number) == float("inf"):
         raise PrescriptionError(f"{name} is {word[:40]}, too large for a number; correct it")
     return number
+
+
+def parse_numbers(text: bytes) -> NDArray[np.float64]:
+    """All numbers of a text between blanks and line ends, nan and inf too; a FileError for anything else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", message="string or file could not be read")
+            return np.fromstring(text, sep=" ") if text.strip() else np.zeros(0)  # NumPy makes -1 of blanks
+    except (DeprecationWarning, ValueError):  # older and newer versions of NumPy
+        raise FileError("it holds text in place of a number; export it again") from None
 
 
 def csv_text(header: Sequence[str], columns: Iterable[Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Iterable
 from os import PathLike
 
@@ -13,7 +14,9 @@ from plenoptic.scene.files.gltf.file import read_gltf
 from plenoptic.scene.files.gltf.lights import gltf_lights, gltf_views
 from plenoptic.scene.files.gltf.meshes import gltf_meshes
 from plenoptic.scene.files.gltf.nodes import placed_nodes
-from plenoptic.scene.files.trimesh_meshes import trimesh_meshes
+from plenoptic.scene.files.obj_meshes import obj_meshes
+from plenoptic.scene.files.ply_meshes import ply_meshes
+from plenoptic.scene.files.stl_meshes import stl_meshes
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.registry import Light
@@ -70,8 +73,11 @@ def load_file(
     `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
     maps, normal maps of clear coats and others beyond these are left out. Normal maps go by the directions of the
     texture; a warning says where a file has tangents that differ. Those of OBJ files are converted by the table of
-    `plenoptic.scene.files.obj.obj_material`. Parts without a material take the colour that all their vertices
-    have; all others are grey, `Lambertian(0.5)`.
+    `plenoptic.scene.files.obj.obj_material`. Parts without a material take the colour that all their vertices or faces
+    have; all others are grey, `Lambertian(0.5)`, with a warning where their colours vary, or where an OBJ file names a
+    material file or material that is missing. Images are decoded by their use, sRGB for colours and linear for all
+    other data, whatever they state of themselves, such as a PNG's gAMA. Morph targets have the weights of their node,
+    else of their mesh. Concave polygons keep their area.
 
     Lights (KHR_lights_punctual) and cameras are those of glTF files. The file's candela and lux are taken as scene
     units: irradiance is I / d^2 at the distance d in the file's unit of length.
@@ -92,14 +98,15 @@ def load_file(
     Raises
     ------
     FileError
-        A file that is missing, damaged, of another kind, or with neither triangles nor lights; a material file or
-        texture that is missing, not an image, or out of bounds; violations of the glTF standard; a feature that would
-        be rendered wrongly. The message names the file.
+        A file that is missing, damaged, of another kind, or with neither triangles nor lights; a texture that is
+        missing or not an image; another file that is out of bounds; violations of the glTF standard; a feature that
+        would be rendered wrongly. The message names the file.
     InvalidValueError
         An unknown unit.
 
     References
     ----------
+    Wavefront, "Object Files (.obj)", version 4.2 (1995), appendix B1; G. Turk, "The PLY Polygon File Format" (1994);
     Khronos Group, glTF 2.0 Specification (ISO/IEC 12113:2022), and its extensions KHR_lights_punctual,
     KHR_texture_transform, KHR_mesh_quantization, EXT_mesh_gpu_instancing, EXT_texture_webp,
     KHR_materials_clearcoat, _emissive_strength, _ior, _transmission, _unlit and _volume.
@@ -171,12 +178,16 @@ def _contents(
             nodes = placed_nodes(file)
             meshes = gltf_meshes(nodes, file, scale, material, source.name)
             return FileContents(meshes, gltf_lights(nodes, file, scale), gltf_views(nodes, file, scale))
-        return FileContents(trimesh_meshes(source.name, kind, content, reader, scale, material))
+        content = content.removeprefix(BOM_UTF8)
+        if kind == "stl":
+            return FileContents(stl_meshes(source.name, content, scale, material))
+        meshes_of = obj_meshes if kind == "obj" else ply_meshes
+        return FileContents(meshes_of(source.name, content, reader, scale, material))
     except PlenopticError as error:
         raise FileError(f"{source}: {error}") from error
-    except ImportError as error:  # trimesh asks for another package where text is not UTF-8
+    except ImportError as error:  # trimesh asks for another package where an STL file is not UTF-8
         raise FileError(f"{source} is cut off, or holds text that is not UTF-8; export it again") from error
-    except Exception as error:  # trimesh, json and NumPy raise whatever the damage leads to
+    except Exception as error:  # plyfile, trimesh, json and NumPy raise whatever the damage leads to
         raise FileError(
             f"{source} cannot be read as .{kind} ({error or type(error).__name__}); export it again"
         ) from error

@@ -160,7 +160,8 @@ class Texture:
         path : str or path
             An image: PNG, TIFF or JPEG with codes of 8 or 16 bits, EXR, HDR, or another format that OpenImageIO reads.
         encoding : Encoding
-            Encoding of codes: SRGB for colours, LINEAR for normals, roughness and other data. Floats are linear.
+            Encoding of codes: SRGB for colours, LINEAR for normals, roughness and other data. Floats are linear. It
+            counts whatever the file states (a PNG's gAMA, an ICC profile), as for all textures of scene files.
         channel : int, optional
             One channel alone: 0, 1, 2 for red, green, blue (of a grey image, its grey), 3 for opacity, which is
             never sRGB, and 1 where the image has none. By default all but opacity.

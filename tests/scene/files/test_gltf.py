@@ -146,6 +146,38 @@ def test_the_scene_to_show_is_shown(tmp_path):
         pl.load_meshes(writer.save(tmp_path / "a.gltf"))
 
 
+@pytest.mark.parametrize(
+    ("of_mesh", "of_node", "heights"),
+    [
+        (None, None, [0.0]),
+        ([0.5, 0.0], None, [4.0]),  # of the mesh, where the node has none
+        ([0.5, 0.0], [0.0, 0.25], [0.5]),  # of the node, where both have some
+        (None, [0.5, -1.0], [2.0]),
+        ([0.0, 1.0], [None, [1.0, 1.0]], [2.0, 10.0]),  # two nodes of one mesh
+    ],
+)
+def test_weights_of_morph_targets(tmp_path, of_mesh, of_node, heights):
+    """glTF 2.0, 3.7.2.2: z is 8 w[0] + 2 w[1] at the third corner, and the normal (0, 0, 1) + (2, 0, 0) w[0]."""
+    writer = Writer()
+    number = writer.mesh(POINTS[:3], NORMAL=writer.array([(0, 0, 1)] * 3))
+    primitive = writer.header["meshes"][number]["primitives"][0]
+    high, low = ([(0, 0, 0), (0, 0, 0), (0, 0, height)] for height in (8, 2))
+    turned = writer.array([(2, 0, 0)] * 3)
+    primitive["targets"] = [{"POSITION": writer.array(high), "NORMAL": turned}, {"POSITION": writer.array(low)}]
+    writer.header["meshes"][number] |= {} if of_mesh is None else {"weights": of_mesh}
+    for weights in of_node if of_node and isinstance(of_node[-1], list) else [of_node]:
+        writer.node(mesh=number, **({} if weights is None else {"weights": weights}))
+    meshes = pl.load_meshes(writer.save(tmp_path / "a.gltf"), unit="mm")
+    assert [corners_of(mesh)[0, 2].tolist() for mesh in meshes] == [[1, 1, height] for height in heights]
+    used = [weights or of_mesh for weights in (of_node if len(heights) > 1 else [of_node])]
+    for mesh, weights in zip(meshes, used, strict=True):
+        slope = 2 * (weights or [0])[0]
+        np.testing.assert_allclose(mesh.normals[0], np.array([slope, 0, 1]) / np.hypot(slope, 1), atol=1e-7)
+    writer.header["nodes"][0]["weights"] = [1.0]
+    with pytest.raises(pl.errors.FileError, match="1 weights for 2 morph targets"):
+        pl.load_meshes(writer.save(tmp_path / "a.gltf"))
+
+
 def many(writer, triangles, **more):
     """A mesh of so many triangles: a strip."""
     points = [(k // 2, 1 - k % 2, 0.1 * (k % 3)) for k in range(triangles + 2)]

@@ -39,22 +39,24 @@ def gltf_meshes(
 
     A material replaces those of the file; `default_name` is for meshes that have none.
     """
-    places: dict[int, list[Floats]] = {}
+    places: dict[tuple[int, tuple[float, ...]], list[Floats]] = {}
     for node in nodes:
         if "mesh" in node.described:
-            if "skin" in node.described or any(node.described.get("weights", ())):
+            if "skin" in node.described:
                 label = node.described.get("name", "without a name")
                 warn(f"the node {label!r} bends its mesh, which is shown as it is stored, unbent", FileWarning)
-            places.setdefault(node.described["mesh"], []).append(copies(node, file))
+            number = node.described["mesh"]
+            weights = node.described.get("weights", file.entry("meshes", number).get("weights", ()))
+            places.setdefault((number, tuple(weights) if any(weights) else ()), []).append(copies(node, file))
     reader = _MeshReader(file, scale, material)
-    for number, poses in places.items():
+    for (number, weights), poses in places.items():
         matrices = np.concatenate(poses)
         # What is flattened cannot be seen.
         matrices = np.diag([scale, scale, scale, 1.0]) @ matrices[np.linalg.det(matrices[:, :3, :3]) != 0]
         described = file.entry("meshes", number)
         name = str(described.get("name") or default_name)
         for primitive in described["primitives"] if len(matrices) else ():
-            mesh = reader.mesh(primitive, name)
+            mesh = reader.mesh(primitive, name, weights)
             if mesh is None:
                 continue
             size = mesh.vertices.nbytes + mesh.faces.nbytes
@@ -75,18 +77,21 @@ class _MeshReader:
         self._textures = GltfTextures(file)
         self._materials: dict[Any, tuple[Material, TexturePlacement]] = {}
 
-    def mesh(self, primitive: Mapping[str, Any], name: str) -> Mesh | None:
-        """A part of a mesh in the unit of the file; None where nothing of it can be seen."""
+    def mesh(self, primitive: Mapping[str, Any], name: str, weights: tuple[float, ...]) -> Mesh | None:
+        """A part of a mesh with its morph targets' weights, in the unit of the file; None if it is invisible."""
         attributes, mode = primitive["attributes"], whole(primitive, "mode", name, _TRIANGLES, most=_FAN)
         if "POSITION" not in attributes or mode < _TRIANGLES:
             return None
-        vertices = self._array(attributes, "POSITION")
+        vertices = self._morph(primitive, "POSITION", weights)
         assert vertices is not None
         faces = _faces(self._indices(primitive, len(vertices)), mode)
         if len(faces) == 0 or not has_area(vertices, faces):
             return None
         material, placement = self._material(primitive)
-        normals, uv = self._array(attributes, "NORMAL"), self._array(attributes, f"TEXCOORD_{placement.coordinates}")
+        normals, uv = (
+            self._morph(primitive, "NORMAL", weights),
+            self._morph(primitive, f"TEXCOORD_{placement.coordinates}", weights),
+        )
         used = np.zeros(len(vertices), dtype=bool)
         used[faces.ravel()] = True
         if not used.all():  # several parts often share one list of vertices
@@ -99,15 +104,30 @@ class _MeshReader:
             warn_of_tangents(mesh, tangents if used.all() else tangents[used])
         return mesh
 
-    def _array(self, attributes: Mapping[str, Any], name: str) -> Floats | None:
-        if name not in attributes:
+    def _morph(self, primitive: Mapping[str, Any], name: str, weights: tuple[float, ...]) -> Floats | None:
+        """An attribute plus its displacements by the morph targets, times their weights (glTF 2.0, 3.7.2.2)."""
+        array, targets = self._array(primitive["attributes"], name), primitive.get("targets", ())
+        if weights and len(weights) != len(targets):
+            raise FileError(f"it has {len(weights)} weights for {len(targets)} morph targets; export it again")
+        for weight, target in zip(weights, targets, strict=False):
+            change = self._array(primitive["attributes"], name, target)
+            if array is not None and change is not None:
+                array = array + float(weight) * change
+        return array
+
+    def _array(
+        self, attributes: Mapping[str, Any], name: str, target: Mapping[str, Any] | None = None
+    ) -> Floats | None:
+        """An attribute, or its displacement by a morph target."""
+        numbers = attributes if target is None else target
+        if name not in numbers:
             return None
-        array = self._file.array(attributes[name])
+        array = self._file.array(numbers[name])
         widths = _SHAPES[name.partition("_")[0]]
         count = self._file.entry("accessors", attributes["POSITION"])["count"]
         if array.shape[1] not in widths or len(array) != count:
             raise FileError(
-                f"its {name} (accessors {attributes[name]}) is {array.shape}; it must have {count} rows, as POSITION, "
+                f"its {name} (accessors {numbers[name]}) is {array.shape}; it must have {count} rows, as POSITION, "
                 f"of {' or '.join(map(str, widths))}: export it again"
             )
         return np.asarray(array, dtype=np.float64)

@@ -1,0 +1,226 @@
+"""The meshes of OBJ files."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.files.file_limits import FileReader
+from plenoptic.core.files.text_lines import decode_text, parse_numbers
+from plenoptic.core.values import Floats
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning
+from plenoptic.scene.files.file_materials import REPLACE, vertex_colour
+from plenoptic.scene.files.obj import obj_material, read_mtl
+from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
+from plenoptic.scene.geometry.mesh import Mesh, has_area
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import Material
+
+_PARTS = 4000
+"""Materials of a file, each of which makes a mesh."""
+_NONE = ("", "none", "(null)")
+"""Names by which programs say that faces have no material."""
+_BLANK, _LINE_END, _SLASH = 32, 10, 47
+
+
+def obj_meshes(
+    file_name: str, content: bytes, reader: FileReader, scale: float, material: Material | None
+) -> Iterator[Mesh]:
+    """Meshes of an OBJ file whose unit is `scale` mm, in mm: one for each material, in the order of first use.
+
+    Material files are read by `reader`; a material replaces those of the file. Free-form curves and surfaces, lines
+    and points are left out.
+    """
+    lines = _Lines(content)
+    labels, label_of_face = _labels(lines)
+    if len(labels) > _PARTS:
+        raise FileError(f"it has {len(labels)} parts; at most {_PARTS} are read: join them")
+    materials = _materials(file_name, lines, labels, reader) if material is None else {}
+    vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
+    colours = lines.columns(b"v", 6)[:, 3:] if lines.width(b"v") >= 6 else None
+    lengths, rows = lines.faces((len(vertices), len(uv), len(normals)))
+    triangles, polygon = triangulate(vertices, lengths, rows[0])
+    objects = dict.fromkeys(name for _, name in lines.said("o") if name)
+    default = next(iter(objects)) if len(objects) == 1 else file_name
+    for number, label in enumerate(labels):
+        corners = triangles[label_of_face[polygon] == number] if len(labels) > 1 else triangles
+        v, vt, vn = (row[corners.ravel()] for row in rows)
+        if len(v) == 0 or not has_area(vertices, v.reshape(-1, 3)):
+            continue
+        faces, corner = shared_vertices(v, *(row if row.max() >= 0 else None for row in (vt, vn)))
+        v, vt, vn = v[corner], vt[corner], vn[corner]
+        chosen = material if material is not None else materials.get(label)
+        if chosen is None:
+            chosen = Lambertian() if colours is None else vertex_colour(file_name, colours[v])
+        elif chosen.row().textures and vt.max(initial=-1) >= 0 and vt.min() < 0:
+            warn(f"{file_name}: some faces of the material {label!r} have no uv; they show one texel", FileWarning)
+        yield Mesh(
+            scale * vertices[v],
+            faces.reshape(-1, 3),
+            chosen,
+            _rows(normals, vn),
+            _rows(uv, vt),
+            label if len(labels) > 1 and label else default,
+        )
+
+
+def _rows(array: Floats, indices: Indices) -> Floats | None:
+    """Rows of an array, zeros where an index is -1; None where all are."""
+    if indices.max() < 0:
+        return None
+    return np.where((indices >= 0)[:, None], array[indices], 0.0) if indices.min() < 0 else array[indices]
+
+
+class _Lines:
+    """The lines of a file by their keywords, without comments, indents and tabs."""
+
+    def __init__(self, content: bytes) -> None:
+        text = decode_text(content).replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " ").replace("\t", " ")
+        content = text.encode()
+        content = re.sub(rb"^ +", b"", content, flags=re.MULTILINE) if b"\n " in b"\n" + content else content
+        if b"#" in content:
+            content = re.sub(rb"^((?:(?:f|v|vt|vn) [^#\n]*)?)#[^\n]*", rb"\1", content, flags=re.MULTILINE)
+        self._bytes = np.frombuffer(content + b"\n\n\n\n", dtype=np.uint8).copy()
+        self._ends = np.flatnonzero(self._bytes == _LINE_END)[:-3]
+        self._starts = np.concatenate([[0], self._ends[:-1] + 1])
+        first, second, third = (self._bytes[self._starts + k] for k in range(3))
+        self._is = {key: (first == key[0]) & (second == _BLANK) for key in (b"v", b"f")}
+        self._is |= {key: (first == 118) & (second == key[1]) & (third == _BLANK) for key in (b"vt", b"vn")}
+        self._numbers: dict[bytes, tuple[Floats, Indices]] = {}
+
+    def said(self, keyword: str) -> list[tuple[int, str]]:
+        """Lines that begin with a keyword: their numbers from 0, and the text that follows."""
+        letters = keyword.encode() + b" "
+        is_said = self._bytes[self._starts] == letters[0]
+        if len(keyword) > 1:
+            is_said &= self._bytes[self._starts + 1] == letters[1]
+        said = []
+        for line in np.flatnonzero(is_said).tolist():
+            words = self._bytes[self._starts[line] : self._ends[line]].tobytes()
+            if (words + b" ").startswith(letters):
+                said.append((line, words[len(keyword) :].decode().strip()))
+        return said
+
+    def numbers_of(self, keyword: bytes) -> Indices:
+        """Numbers of the lines of a keyword, from 0."""
+        return np.flatnonzero(self._is[keyword])
+
+    def _chunk(self, keyword: bytes) -> bytes:
+        """All lines of a keyword, without it."""
+        lines = self._is[keyword]
+        chosen = np.repeat(lines, np.diff(self._ends, prepend=-1))
+        for k in range(len(keyword)):
+            self._bytes[self._starts[lines] + k] = _BLANK
+        return self._bytes[:-3][chosen].tobytes()
+
+    def _parse(self, keyword: bytes) -> tuple[Floats, Indices]:
+        """All numbers behind a keyword, and how many each line has."""
+        if keyword not in self._numbers:
+            chunk = self._chunk(keyword)
+            _, lines = _tokens(np.frombuffer(chunk, dtype=np.uint8))
+            counts = np.bincount(lines, minlength=int(self._is[keyword].sum()))
+            numbers = parse_numbers(chunk)
+            if len(numbers) != counts.sum():
+                raise FileError("it holds text in place of a number; export it again")
+            self._numbers[keyword] = numbers, counts
+        return self._numbers[keyword]
+
+    def width(self, keyword: bytes) -> int:
+        """Numbers that every line of a keyword has."""
+        counts = self._parse(keyword)[1]
+        return int(counts.min()) if len(counts) else 0
+
+    def columns(self, keyword: bytes, width: int) -> Floats:
+        """(n, width): the first numbers behind a keyword."""
+        numbers, counts = self._parse(keyword)
+        if len(counts) and counts.min() < width:
+            line = self.numbers_of(keyword)[np.argmin(counts)] + 1
+            raise FileError(f"its line {line} has {counts.min()} numbers; {keyword.decode()} takes {width}: correct it")
+        if len(counts) and counts.min() == counts.max():
+            return numbers.reshape(len(counts), -1)[:, :width]
+        return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
+
+    def faces(self, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
+        """Corners of each face, and rows of v, vt and vn of each corner, -1 for none; `sizes` count the rows."""
+        chunk = self._chunk(b"f")
+        for before, after in ((rb"/ ", rb"/+ "), (b"/\n", rb"/+\n")):
+            chunk = re.sub(after, before[1:], chunk) if before in chunk else chunk
+        letters = np.frombuffer(chunk, dtype=np.uint8)
+        starts, lines = _tokens(letters)
+        slashes = np.cumsum(letters == _SLASH, dtype=np.int32)
+        parts = np.diff(slashes[starts - 1], append=slashes[-1:]) + 1 if len(starts) else starts
+        numbers = parse_numbers(chunk.replace(b"//", b"/nan/").replace(b"/", b" "))
+        if re.search(rb"[^-+0-9/ \n]", chunk) or len(numbers) != parts.sum() or parts.max(initial=0) > 3:
+            raise FileError("its faces hold text in place of an index; export it again")
+        offsets = np.cumsum(parts) - parts
+        numbers = np.concatenate([numbers, [0.0, 0.0]])
+        line_of_face = self.numbers_of(b"f")
+        rows = []
+        for k, (keyword, size) in enumerate(zip((b"v", b"vt", b"vn"), sizes, strict=True)):
+            values = np.where(parts > k, numbers[offsets + k], np.nan) if k else numbers[offsets]
+            row = values - 1
+            if np.any(values < 0):  # counted backwards from the face's line
+                row = np.where(values < 0, values + np.cumsum(self._is[keyword])[line_of_face[lines]], row)
+            wrong = (values == 0) | (row < 0) | (row >= size)
+            if wrong.any():
+                at = int(np.argmax(wrong))
+                raise FileError(
+                    f"its line {line_of_face[lines[at]] + 1} names {keyword.decode()} {values[at]:.0f}, out of bounds "
+                    f"for {size} of them, which count from 1 or, backwards, from -1; export it again"
+                )
+            rows.append(np.nan_to_num(row, nan=-1.0).astype(np.int64))
+        return np.bincount(lines, minlength=len(line_of_face)), tuple(rows)
+
+
+def _tokens(letters: NDArray[np.uint8]) -> tuple[Indices, Indices]:
+    """Position of each word, and the number of its line."""
+    is_word = letters > _BLANK
+    starts = np.flatnonzero(is_word[1:] & ~is_word[:-1]) + 1  # a blank stands for the keyword
+    return starts, np.searchsorted(np.flatnonzero(letters == _LINE_END), starts)
+
+
+def _labels(lines: _Lines) -> tuple[list[str], Indices]:
+    """Names of materials that faces use, "" for none, and the number of that of each face."""
+    said = lines.said("usemtl")
+    names = ["", *(" ".join(name.split()) for _, name in said)]
+    labels = list(dict.fromkeys(names))
+    numbers = {name: number for number, name in enumerate(labels)}
+    of_names = np.array([numbers[name] for name in names])
+    of_faces = of_names[np.searchsorted([line for line, _ in said], lines.numbers_of(b"f"))]
+    used, of_faces = np.unique(of_faces, return_inverse=True)
+    return [labels[number] for number in used], of_faces
+
+
+def _materials(file_name: str, lines: _Lines, labels: list[str], reader: FileReader) -> Mapping[str, Material]:
+    """The materials that an OBJ file uses and its material files describe; a warning for those that are missing."""
+    described: dict[str, dict[str, str]] = {}
+    missing = []
+    for library_name in dict.fromkeys(name for _, name in lines.said("mtllib")):
+        # A name may hold spaces, and a line several names.
+        names = library_name.split()
+        for name in [library_name] if len(names) < 2 or os.path.isfile(reader.resolve(library_name)) else names:
+            library = reader.resolve(name)
+            if os.path.lexists(library):
+                described |= read_mtl(decode_text(reader.read(library)))
+            else:
+                missing.append(name)
+    lacking = [label for label in labels if label not in described and label.lower() not in _NONE]
+    if missing:
+        warn(
+            f"{file_name}: its material file {missing[0]!r} is missing, and the surfaces of its materials are grey; "
+            f"put it beside the file, {REPLACE}",
+            FileWarning,
+        )
+    elif lacking:
+        other_cases = [name for name in described if name.lower() == lacking[0].lower()]
+        warn(
+            f"{file_name}: its material {lacking[0]!r} is in none of its material files, and its surfaces are grey"
+            f"{f', though they have {other_cases[0]!r}' if other_cases else ''}; correct the name, {REPLACE}",
+            FileWarning,
+        )
+    return {name: obj_material(name, described[name], reader) for name in labels if name in described}

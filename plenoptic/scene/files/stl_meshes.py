@@ -1,0 +1,57 @@
+"""The meshes of STL files, read by trimesh."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from io import BytesIO
+
+import numpy as np
+
+from plenoptic.errors import FileError
+from plenoptic.scene.files.file_materials import vertex_colour
+from plenoptic.scene.geometry.mesh import Mesh, has_area
+from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.registry import Material
+
+_PARTS = 4000
+"""Parts without names of their own: trimesh takes time by their square, here 3 s."""
+
+
+def stl_meshes(file_name: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:
+    """The meshes of an STL file whose unit is `scale` mm, in mm, of a material or grey."""
+    import trimesh
+
+    _check_stl(content)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # NumPy only warns, and trimesh goes on, where text stops being numbers.
+        warnings.filterwarnings("error", message="string or file could not be read")
+        parts = trimesh.load_scene(BytesIO(content), file_type="stl", process=False).geometry
+    for part in parts.values():
+        if isinstance(part, trimesh.Trimesh) and has_area(np.asarray(part.vertices), np.asarray(part.faces)):
+            # trimesh makes up normals when asked for them; only the file's are there before.
+            normals = part.vertex_normals if "vertex_normals" in part._cache else None
+            chosen = material
+            if chosen is None:
+                chosen, visual = Lambertian(), part.visual
+                if visual.kind in ("vertex", "face"):
+                    codes = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
+                    chosen = vertex_colour(file_name, np.asarray(codes)[:, :3] / 255)
+            yield Mesh(scale * part.vertices, part.faces, chosen, normals, name=file_name)
+
+
+def _check_stl(content: bytes) -> None:
+    """Refuse an STL file that is not whole: trimesh takes a binary one for text, in which it finds nothing."""
+    if b"endsolid" in content.lower():
+        count = content.lower().count(b"endsolid")
+        if count > _PARTS:
+            raise FileError(f"it has {count} parts; at most {_PARTS} are read: join them, or write several files")
+        return
+    if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
+        raise FileError("it is cut off: it has no 'endsolid'; export it again")
+    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if len(content) != announced:
+        raise FileError(
+            f"it is cut off, or no STL file: it has {len(content)} bytes instead of {announced}; export it again"
+        )
