@@ -107,7 +107,7 @@ class LensStack:
 
     @property
     def vertices(self) -> Floats:
-        """Position z of each element in mm, (n,), never decreasing; exactly 0 at the iris."""
+        """Position z of each element in mm, (n,), never decreasing from surface to surface; exactly 0 at the iris."""
         gaps = [element.thickness for element in self.elements]
         iris = self.iris_index
         before = -np.cumsum([0.0, *gaps[:iris][::-1]])[::-1]

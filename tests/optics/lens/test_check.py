@@ -43,7 +43,7 @@ PUBLISHED = {
     "p166": [("EQUATOR", (1,)), ("EQUATOR", (3,))],
     "p268": [("EQUATOR", (1,))],  # Asoma
     "p316": [("GLASS", (3, 6))],  # Altman: F4 twice, once with 1.817
-    "p338": [("GLASS", (4,)), ("GLASS", (8,))],  # Hopkins: V-numbers of another range of wavelengths
+    "p338": [("GLASS", (0,)), ("GLASS", (4,)), ("GLASS", (8,))],  # Hopkins: V-numbers of another range of wavelengths
 }
 
 

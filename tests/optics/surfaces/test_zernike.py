@@ -323,7 +323,7 @@ def test_zemax_files_that_cannot_be_read():
         ("XDAT 1 6.0", "XDAT 1 7.0", "line 13.*states 7 Zernike terms, but XDAT 9, the last of them, is missing"),
         ("XDAT 1 6.0", "XDAT 1 1e15 ", "XDAT 1000000000000002, the last of them, is missing"),
         *(("XDAT 1 6.0", wrong, number) for wrong in ("XDAT 1 5.5", "XDAT 1 -6.0", "XDAT 90 6.0")),
-        ("SZERNSAG", "FZERNSAG", "the surfaces that can be read are STANDARD, EVENASPH, COORDBRK, SZERNSAG, BICONICX"),
+        ("SZERNSAG", "FZERNSAG", "the surfaces that can be read are STANDARD, EVENASPH, .*, SZERNSAG, BICONICX"),
     ):
         with pytest.raises(pl.errors.PrescriptionError, match=message):
             lens_from_zmx(ZMX.replace(old, new), "mine.zmx")

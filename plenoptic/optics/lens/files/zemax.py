@@ -49,6 +49,8 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.values import wrong_kind
 from plenoptic.core.warn import warn
@@ -243,6 +245,7 @@ def _row(block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
     return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in powers))
 
 
+@np.errstate(all="ignore")
 def _extended_terms(extra: Mapping[int, float], kind: str) -> dict[int, float]:
     """Coefficients of r^(2 i) of an extended asphere, in units of the file."""
     count, norm = extra[1], extra.get(2, 0.0)
@@ -251,13 +254,15 @@ def _extended_terms(extra: Mapping[int, float], kind: str) -> dict[int, float]:
             f"{kind} has {count:g} terms (XDAT 1), norm radius {norm:g} (XDAT 2) and XDAT up to {max(extra)}; it must "
             f"have 1 to {_MAX_TERMS} terms, a radius above 0, and all terms from XDAT 3 on"
         )
-    terms = {i: extra.get(i + 2, 0.0) / norm ** (_EXTENDED[kind] * i) for i in range(1, int(count) + 1)}
-    odd = [i for i, term in terms.items() if _EXTENDED[kind] * i % 2 and term != 0]
+    step = _EXTENDED[kind]
+    powers = np.float64(norm) ** (step * np.arange(int(count) + 1))  # may overflow: the surface is refused then
+    terms = {i: float(a / powers[i]) for i in range(1, int(count) + 1) if (a := extra.get(i + 2, 0.0)) != 0}
+    odd = [i for i in terms if step * i % 2]
     if odd:
         raise PrescriptionError(
             f"{kind} has a term of r^{odd[0]} (XDAT {odd[0] + 2}); only even powers of r can be read: set it to 0"
         )
-    return {_EXTENDED[kind] * i // 2: term for i, term in terms.items() if _EXTENDED[kind] * i % 2 == 0}
+    return {step * i // 2: term for i, term in terms.items()}
 
 
 def _type(line: Line, number: int) -> str:

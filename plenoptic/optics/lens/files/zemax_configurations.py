@@ -35,7 +35,7 @@ def with_configuration(
     head, blocks, unknown = list(head), [list(block) for block in blocks], dict[str, None]()
     of_number = {block[0].word(0): block for block in blocks}
     for operand in head[len(head) if at is None else at + 1 :]:
-        if len(operand.words) < 3 or not operand.words[0].isdigit() or operand.word(1) != str(chosen):
+        if len(operand.words) < 3 or not operand.words[0].isdecimal() or operand.word(1) != str(chosen):
             continue
         number, _, value = operand.words[:3]
         with name_line_in_errors(where, operand.number):

@@ -104,7 +104,7 @@ def lens_of_rows(
             where, flagged[0], "STOP", "the object or the image is the STOP; it must be a surface between them"
         )
     ambient = rows[0].medium
-    rows = _with_glued_sensor(rows)
+    rows = _with_glued_sensor(rows, where)
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
     # A surface with its vertex behind the nominal one has a longer gap in front and a shorter one behind.
@@ -138,16 +138,21 @@ def lens_of_rows(
     return dataclasses.replace(lens, specification=specification)
 
 
-def _with_glued_sensor(rows: list[Row]) -> list[Row]:
+def _with_glued_sensor(rows: list[Row], where: str) -> list[Row]:
     """Rows with the face of a sensor that is glued to the last glass of a lens in air: the refraction in the image
     moves no ray there.
     """
-    behind = AIR
+    behind = rows[0].medium
     for row in rows[1:-1]:
         behind = medium_behind(row.medium, behind) if row.turn is None else behind
     last, image = rows[-2], rows[-1]
-    if rows[0].medium != AIR or behind == AIR:
+    if behind == rows[0].medium:
         return rows
+    if rows[0].medium != AIR:
+        message = (
+            f"the object is in {rows[0].medium!r} and the image in {behind!r}; only a lens in one medium can be read"
+        )
+        raise _error(where, rows[0], "GLAS", message)
     known = last.aperture if last.aperture is not None else last.diameter
     size = _BEYOND * max(known, image.diameter) if known else 0.0
     face = Row(image.number, image.lines, image.curvature, diameter=size, placement=image.placement)
