@@ -47,8 +47,11 @@ def obj_meshes(
     triangles, polygon = triangulate(vertices, lengths, rows[0])
     objects = dict.fromkeys(name for _, name in lines.said("o") if name)
     default = next(iter(objects)) if len(objects) == 1 else file_name
-    for number, label in enumerate(labels):
-        corners = triangles[label_of_face[polygon] == number] if len(labels) > 1 else triangles
+    if len(triangles) == 0:
+        return
+    part = label_of_face[polygon]
+    ends = np.cumsum(np.bincount(part, minlength=len(labels)))
+    for label, corners in zip(labels, np.split(triangles[np.argsort(part, kind="stable")], ends[:-1]), strict=True):
         v, vt, vn = (row[corners.ravel()] for row in rows)
         if len(v) == 0 or not has_area(vertices, v.reshape(-1, 3)):
             continue
