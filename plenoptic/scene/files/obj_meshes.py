@@ -7,10 +7,9 @@ import re
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.files.file_limits import FileReader
-from plenoptic.core.files.text_lines import decode_text, parse_numbers
+from plenoptic.core.files.text_lines import decode_text, parse_numbers, word_starts
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
@@ -43,7 +42,7 @@ def obj_meshes(
     materials = _materials(file_name, lines, labels, reader) if material is None else {}
     vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
     colours = lines.columns(b"v", 6)[:, 3:] if lines.width(b"v") >= 6 else None
-    lengths, rows = lines.faces((len(vertices), len(uv), len(normals)))
+    lengths, rows = lines.faces(file_name, (len(vertices), len(uv), len(normals)))
     triangles, polygon = triangulate(vertices, lengths, rows[0])
     objects = dict.fromkeys(name for _, name in lines.said("o") if name)
     default = next(iter(objects)) if len(objects) == 1 else file_name
@@ -125,7 +124,7 @@ class _Lines:
         """All numbers behind a keyword, and how many each line has."""
         if keyword not in self._numbers:
             chunk = self._chunk(keyword)
-            _, lines = _tokens(np.frombuffer(chunk, dtype=np.uint8))
+            _, lines = word_starts(chunk)
             counts = np.bincount(lines, minlength=int(self._is[keyword].sum()))
             numbers = parse_numbers(chunk)
             if len(numbers) != counts.sum():
@@ -148,14 +147,13 @@ class _Lines:
             return numbers.reshape(len(counts), -1)[:, :width]
         return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
 
-    def faces(self, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
+    def faces(self, file_name: str, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
         """Corners of each face, and rows of v, vt and vn of each corner, -1 for none; `sizes` count the rows."""
         chunk = self._chunk(b"f")
         for before, after in ((rb"/ ", rb"/+ "), (b"/\n", rb"/+\n")):
             chunk = re.sub(after, before[1:], chunk) if before in chunk else chunk
-        letters = np.frombuffer(chunk, dtype=np.uint8)
-        starts, lines = _tokens(letters)
-        slashes = np.cumsum(letters == _SLASH, dtype=np.int32)
+        starts, lines = word_starts(chunk)
+        slashes = np.cumsum(np.frombuffer(chunk, dtype=np.uint8) == _SLASH, dtype=np.int32)
         parts = np.diff(slashes[starts - 1], append=slashes[-1:]) + 1 if len(starts) else starts
         numbers = parse_numbers(chunk.replace(b"//", b"/nan/").replace(b"/", b" "))
         if re.search(rb"[^-+0-9/ \n]", chunk) or len(numbers) != parts.sum() or parts.max(initial=0) > 3:
@@ -164,8 +162,12 @@ class _Lines:
         numbers = np.concatenate([numbers, [0.0, 0.0]])
         line_of_face = self.numbers_of(b"f")
         rows = []
+        for k, name in ((1, "vt"), (2, "vn")):
+            if sizes[k] == 0 and np.any(parts > k):
+                warn(f"{file_name}: its faces name {name}, of which it has none; they are left out", FileWarning)
         for k, (keyword, size) in enumerate(zip((b"v", b"vt", b"vn"), sizes, strict=True)):
             values = np.where(parts > k, numbers[offsets + k], np.nan) if k else numbers[offsets]
+            values = np.full(len(parts), np.nan) if k and size == 0 else values
             row = values - 1
             if np.any(values < 0):  # counted backwards from the face's line
                 row = np.where(values < 0, values + np.cumsum(self._is[keyword])[line_of_face[lines]], row)
@@ -178,13 +180,6 @@ class _Lines:
                 )
             rows.append(np.nan_to_num(row, nan=-1.0).astype(np.int64))
         return np.bincount(lines, minlength=len(line_of_face)), tuple(rows)
-
-
-def _tokens(letters: NDArray[np.uint8]) -> tuple[Indices, Indices]:
-    """Position of each word, and the number of its line."""
-    is_word = letters > _BLANK
-    starts = np.flatnonzero(is_word[1:] & ~is_word[:-1]) + 1  # a blank stands for the keyword
-    return starts, np.searchsorted(np.flatnonzero(letters == _LINE_END), starts)
 
 
 def _labels(lines: _Lines) -> tuple[list[str], Indices]:
