@@ -162,12 +162,11 @@ class _Lines:
         numbers = np.concatenate([numbers, [0.0, 0.0]])
         line_of_face = self.numbers_of(b"f")
         rows = []
-        for k, name in ((1, "vt"), (2, "vn")):
-            if sizes[k] == 0 and np.any(parts > k):
-                warn(f"{file_name}: its faces name {name}, of which it has none; they are left out", FileWarning)
         for k, (keyword, size) in enumerate(zip((b"v", b"vt", b"vn"), sizes, strict=True)):
-            values = np.where(parts > k, numbers[offsets + k], np.nan) if k else numbers[offsets]
-            values = np.full(len(parts), np.nan) if k and size == 0 else values
+            values = np.where(parts > k, numbers[offsets + k], np.nan)
+            if k and size == 0 and not np.isnan(values).all():
+                name, values = keyword.decode(), np.full(len(parts), np.nan)
+                warn(f"{file_name}: its faces name {name}, of which it has none; they are left out", FileWarning)
             row = values - 1
             if np.any(values < 0):  # counted backwards from the face's line
                 row = np.where(values < 0, values + np.cumsum(self._is[keyword])[line_of_face[lines]], row)

@@ -134,7 +134,9 @@ def _elements(header: str, body: bytes) -> dict[str, _Element]:
     if layout.text:
         body = body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         tokens, (_, line_of_token) = parse_numbers(body), word_starts(body)
-        lines = np.append(np.flatnonzero(np.diff(line_of_token, prepend=-1)), len(tokens))
+        if len(tokens) != len(line_of_token):
+            raise FileError("it holds text in place of a number; export it again")
+        rows_begin = np.append(np.flatnonzero(np.diff(line_of_token, prepend=-1)), len(tokens))
     for element, count in zip(layout.elements, counts, strict=True):
         order = layout.byte_order
         types: list[_Type] = [
@@ -142,7 +144,7 @@ def _elements(header: str, body: bytes) -> dict[str, _Element]:
             for part in element.properties
         ]
         if layout.text:
-            elements[element.name] = _text_rows(types, tokens, lines[start : start + count + 1], count)
+            elements[element.name] = _text_rows(types, tokens, rows_begin[start : start + count + 1], count)
             start += count
             continue
         rows = _equal_rows(types, count, body, start)
