@@ -118,7 +118,7 @@ class _Lines:
         chosen = np.repeat(lines, np.diff(self._ends, prepend=-1))
         for k in range(len(keyword)):
             self._bytes[self._starts[lines] + k] = _BLANK
-        return self._bytes[:-3][chosen].tobytes()
+        return bytes(self._bytes[:-3][chosen])
 
     def _parse(self, keyword: bytes) -> tuple[Floats, Indices]:
         """All numbers behind a keyword, and how many each line has."""
@@ -145,7 +145,8 @@ class _Lines:
             raise FileError(f"its line {line} has {counts.min()} numbers; {keyword.decode()} takes {width}: correct it")
         if len(counts) and counts.min() == counts.max():
             return numbers.reshape(len(counts), -1)[:, :width]
-        return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
+        columns: Floats = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
+        return columns
 
     def faces(self, file_name: str, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
         """Corners of each face, and rows of v, vt and vn of each corner, -1 for none; `sizes` count the rows."""

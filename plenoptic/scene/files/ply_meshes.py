@@ -157,13 +157,13 @@ def _elements(header: str, body: bytes) -> dict[str, _Element]:
 def _text_rows(types: list[_Type], tokens: Floats, lines: Indices, count: int) -> _Element:
     """Rows of an element from all numbers of a file, its lines of which begin at `lines`; the last ends with them."""
     if any(length_type for _, length_type, _ in types):
-        numbers, places, ends = tokens.tolist(), [], []
+        numbers, places, row_ends = tokens.tolist(), [], []
         for at in lines[:count].tolist():
             for _, length_type, _ in types:
                 places.append(at)
                 at += 1 + int(numbers[at]) if length_type else 1
-            ends.append(at)
-        begins = np.array(places, dtype=np.int64).reshape(-1, len(types))
+            row_ends.append(at)
+        begins, ends = np.array(places, dtype=np.int64).reshape(-1, len(types)), np.array(row_ends, dtype=np.int64)
     else:
         begins = lines[:count, None] + np.arange(len(types))
         ends = lines[:count] + len(types)

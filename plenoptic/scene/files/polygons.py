@@ -65,11 +65,11 @@ def _ears(points: Floats, normal: Floats) -> Indices:
 
     axis = int(np.argmax(np.abs(normal)))
     plane = np.ascontiguousarray(points[:, [(axis + 1) % 3, (axis + 2) % 3]])
-    ears = triangulate_float64(plane, np.array([len(points)], dtype=np.uint32)).reshape(-1, 3)
-    ears = np.sort(ears.astype(np.int64), axis=1)
+    corners = triangulate_float64(plane, np.array([len(points)], dtype=np.uint32))
+    ears: Indices = np.sort(corners.astype(np.int64).reshape(-1, 3), axis=1)
     a, b, c = points[ears.T]
     # Any division of a polygon, flat or not, has its vector area.
-    whole = np.allclose(np.cross(b - a, c - a).sum(axis=0), normal, rtol=0, atol=1e-6 * np.abs(normal).max())
+    whole = np.allclose(np.cross(b - a, c - a).sum(axis=0), normal, rtol=0, atol=0.01 * np.abs(normal).max())
     return ears if whole else ears[:0]
 
 
