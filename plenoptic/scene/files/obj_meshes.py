@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,8 +12,8 @@ from plenoptic.core.files.text_lines import decode_text, parse_numbers, word_sta
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
-from plenoptic.scene.files.file_materials import REPLACE, vertex_colour
-from plenoptic.scene.files.obj import obj_material, read_mtl
+from plenoptic.scene.files.file_materials import vertex_colour
+from plenoptic.scene.files.obj import obj_materials
 from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -22,8 +21,6 @@ from plenoptic.scene.materials.registry import Material
 
 _PARTS = 4000
 """Materials of a file, each of which makes a mesh."""
-_NONE = ("", "none", "(null)")
-"""Names by which programs say that faces have no material."""
 _BLANK, _LINE_END, _SLASH = 32, 10, 47
 
 
@@ -39,7 +36,8 @@ def obj_meshes(
     labels, label_of_face = _labels(lines)
     if len(labels) > _PARTS:
         raise FileError(f"it has {len(labels)} parts; at most {_PARTS} are read: join them")
-    materials = _materials(file_name, lines, labels, reader) if material is None else {}
+    libraries = [name for _, name in lines.said("mtllib")]
+    materials = obj_materials(file_name, libraries, labels, reader) if material is None else {}
     vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
     colours = lines.columns(b"v", 6)[:, 3:] if lines.width(b"v") >= 6 else None
     lengths, rows = lines.faces(file_name, (len(vertices), len(uv), len(normals)))
@@ -192,33 +190,3 @@ def _labels(lines: _Lines) -> tuple[list[str], Indices]:
     of_faces = of_names[np.searchsorted([line for line, _ in said], lines.numbers_of(b"f"))]
     used, of_faces = np.unique(of_faces, return_inverse=True)
     return [labels[number] for number in used], of_faces
-
-
-def _materials(file_name: str, lines: _Lines, labels: list[str], reader: FileReader) -> Mapping[str, Material]:
-    """The materials that an OBJ file uses and its material files describe; a warning for those that are missing."""
-    described: dict[str, dict[str, str]] = {}
-    missing = []
-    for library_name in dict.fromkeys(name for _, name in lines.said("mtllib")):
-        # A name may hold spaces, and a line several names.
-        names = library_name.split()
-        for name in [library_name] if len(names) < 2 or os.path.isfile(reader.resolve(library_name)) else names:
-            library = reader.resolve(name)
-            if os.path.lexists(library):
-                described |= read_mtl(decode_text(reader.read(library)))
-            else:
-                missing.append(name)
-    lacking = [label for label in labels if label not in described and label.lower() not in _NONE]
-    if missing:
-        warn(
-            f"{file_name}: its material file {missing[0]!r} is missing, and the surfaces of its materials are grey; "
-            f"put it beside the file, {REPLACE}",
-            FileWarning,
-        )
-    elif lacking:
-        other_cases = [name for name in described if name.lower() == lacking[0].lower()]
-        warn(
-            f"{file_name}: its material {lacking[0]!r} is in none of its material files, and its surfaces are grey"
-            f"{f', though they have {other_cases[0]!r}' if other_cases else ''}; correct the name, {REPLACE}",
-            FileWarning,
-        )
-    return {name: obj_material(name, described[name], reader) for name in labels if name in described}
