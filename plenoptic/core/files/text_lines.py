@@ -58,6 +58,14 @@ def parse_numbers(text: bytes) -> NDArray[np.float64]:
         raise FileError("it holds text in place of a number; export it again") from None
 
 
+def word_starts(text: bytes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Position of each word of a text, and the number of its line."""
+    letters = np.frombuffer(text, dtype=np.uint8)
+    is_word = letters > 32
+    starts = np.flatnonzero(is_word & ~np.concatenate([[False], is_word[:-1]])) if text else np.zeros(0, np.int64)
+    return starts, np.searchsorted(np.flatnonzero(letters == 10), starts)
+
+
 def csv_text(header: Sequence[str], columns: Iterable[Any]) -> str:
     """CSV table of columns, each an array; floats keep every bit."""
     text = io.StringIO()

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.file_limits import FileReader
-from plenoptic.errors import FileError, PlenopticError
+from plenoptic.core.files.text_lines import decode_text
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, colour_of, dark_or_not, file_texture, number_or_texture, times
 from plenoptic.scene.materials.conductor import Conductor
 from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
@@ -27,6 +30,8 @@ Said = Mapping[str, str]
 _REFLECTING, _PANES, _BODIES = (3, 5, 8), (4, 9), (6, 7)
 _PBR = ("pr", "pm", "map_pr", "map_pm")
 _ALPHA = 3
+_NONE = ("", "none", "(null)")
+"""Names by which programs say that faces have no material."""
 
 
 def read_mtl(text: str) -> dict[str, dict[str, str]]:
@@ -40,6 +45,38 @@ def read_mtl(text: str) -> dict[str, dict[str, str]]:
         elif keyword:
             material[keyword.lower()] = said.strip()
     return materials
+
+
+def obj_materials(
+    file_name: str, libraries: Iterable[str], labels: Iterable[str], reader: FileReader
+) -> Mapping[str, Material]:
+    """The materials of an OBJ file, by their labels, that its libraries describe; a warning if some are missing."""
+    described: dict[str, dict[str, str]] = {}
+    missing = []
+    for library_name in dict.fromkeys(libraries):
+        # A name may hold spaces, and a line several names.
+        names = library_name.split()
+        for name in [library_name] if len(names) < 2 or os.path.isfile(reader.resolve(library_name)) else names:
+            library = reader.resolve(name)
+            if os.path.lexists(library):
+                described |= read_mtl(decode_text(reader.read(library)))
+            else:
+                missing.append(name)
+    lacking = [label for label in labels if label not in described and label.lower() not in _NONE]
+    if missing:
+        warn(
+            f"{file_name}: its material file {missing[0]!r} is missing, and the surfaces of its materials are grey; "
+            f"put it beside the file, {REPLACE}",
+            FileWarning,
+        )
+    elif lacking:
+        other_cases = [name for name in described if name.lower() == lacking[0].lower()]
+        warn(
+            f"{file_name}: its material {lacking[0]!r} is in none of its material files, and its surfaces are grey"
+            f"{f', though they have {other_cases[0]!r}' if other_cases else ''}; correct the name, {REPLACE}",
+            FileWarning,
+        )
+    return {name: obj_material(name, described[name], reader) for name in labels if name in described}
 
 
 def obj_material(name: str, said: Said, reader: FileReader) -> Material:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.core.files.file_limits import FileReader
-from plenoptic.core.files.text_lines import decode_text, parse_numbers
+from plenoptic.core.files.text_lines import decode_text, parse_numbers, word_starts
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
-from plenoptic.scene.files.file_materials import REPLACE, vertex_colour
-from plenoptic.scene.files.obj import obj_material, read_mtl
+from plenoptic.scene.files.file_materials import vertex_colour
+from plenoptic.scene.files.obj import obj_materials
 from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -23,8 +21,6 @@ from plenoptic.scene.materials.registry import Material
 
 _PARTS = 4000
 """Materials of a file, each of which makes a mesh."""
-_NONE = ("", "none", "(null)")
-"""Names by which programs say that faces have no material."""
 _BLANK, _LINE_END, _SLASH = 32, 10, 47
 
 
@@ -40,15 +36,19 @@ def obj_meshes(
     labels, label_of_face = _labels(lines)
     if len(labels) > _PARTS:
         raise FileError(f"it has {len(labels)} parts; at most {_PARTS} are read: join them")
-    materials = _materials(file_name, lines, labels, reader) if material is None else {}
+    libraries = [name for _, name in lines.said("mtllib")]
+    materials = obj_materials(file_name, libraries, labels, reader) if material is None else {}
     vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
     colours = lines.columns(b"v", 6)[:, 3:] if lines.width(b"v") >= 6 else None
-    lengths, rows = lines.faces((len(vertices), len(uv), len(normals)))
+    lengths, rows = lines.faces(file_name, (len(vertices), len(uv), len(normals)))
     triangles, polygon = triangulate(vertices, lengths, rows[0])
     objects = dict.fromkeys(name for _, name in lines.said("o") if name)
     default = next(iter(objects)) if len(objects) == 1 else file_name
-    for number, label in enumerate(labels):
-        corners = triangles[label_of_face[polygon] == number] if len(labels) > 1 else triangles
+    if len(triangles) == 0:
+        return
+    part = label_of_face[polygon]
+    ends = np.cumsum(np.bincount(part, minlength=len(labels)))
+    for label, corners in zip(labels, np.split(triangles[np.argsort(part, kind="stable")], ends[:-1]), strict=True):
         v, vt, vn = (row[corners.ravel()] for row in rows)
         if len(v) == 0 or not has_area(vertices, v.reshape(-1, 3)):
             continue
@@ -116,13 +116,13 @@ class _Lines:
         chosen = np.repeat(lines, np.diff(self._ends, prepend=-1))
         for k in range(len(keyword)):
             self._bytes[self._starts[lines] + k] = _BLANK
-        return self._bytes[:-3][chosen].tobytes()
+        return bytes(self._bytes[:-3][chosen])
 
     def _parse(self, keyword: bytes) -> tuple[Floats, Indices]:
         """All numbers behind a keyword, and how many each line has."""
         if keyword not in self._numbers:
             chunk = self._chunk(keyword)
-            _, lines = _tokens(np.frombuffer(chunk, dtype=np.uint8))
+            _, lines = word_starts(chunk)
             counts = np.bincount(lines, minlength=int(self._is[keyword].sum()))
             numbers = parse_numbers(chunk)
             if len(numbers) != counts.sum():
@@ -143,16 +143,16 @@ class _Lines:
             raise FileError(f"its line {line} has {counts.min()} numbers; {keyword.decode()} takes {width}: correct it")
         if len(counts) and counts.min() == counts.max():
             return numbers.reshape(len(counts), -1)[:, :width]
-        return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
+        columns: Floats = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(width)]
+        return columns
 
-    def faces(self, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
+    def faces(self, file_name: str, sizes: tuple[int, int, int]) -> tuple[Indices, tuple[Indices, ...]]:
         """Corners of each face, and rows of v, vt and vn of each corner, -1 for none; `sizes` count the rows."""
         chunk = self._chunk(b"f")
         for before, after in ((rb"/ ", rb"/+ "), (b"/\n", rb"/+\n")):
             chunk = re.sub(after, before[1:], chunk) if before in chunk else chunk
-        letters = np.frombuffer(chunk, dtype=np.uint8)
-        starts, lines = _tokens(letters)
-        slashes = np.cumsum(letters == _SLASH, dtype=np.int32)
+        starts, lines = word_starts(chunk)
+        slashes = np.cumsum(np.frombuffer(chunk, dtype=np.uint8) == _SLASH, dtype=np.int32)
         parts = np.diff(slashes[starts - 1], append=slashes[-1:]) + 1 if len(starts) else starts
         numbers = parse_numbers(chunk.replace(b"//", b"/nan/").replace(b"/", b" "))
         if re.search(rb"[^-+0-9/ \n]", chunk) or len(numbers) != parts.sum() or parts.max(initial=0) > 3:
@@ -162,7 +162,10 @@ class _Lines:
         line_of_face = self.numbers_of(b"f")
         rows = []
         for k, (keyword, size) in enumerate(zip((b"v", b"vt", b"vn"), sizes, strict=True)):
-            values = np.where(parts > k, numbers[offsets + k], np.nan) if k else numbers[offsets]
+            values = np.where(parts > k, numbers[offsets + k], np.nan)
+            if k and size == 0 and not np.isnan(values).all():
+                name, values = keyword.decode(), np.full(len(parts), np.nan)
+                warn(f"{file_name}: its faces name {name}, of which it has none; they are left out", FileWarning)
             row = values - 1
             if np.any(values < 0):  # counted backwards from the face's line
                 row = np.where(values < 0, values + np.cumsum(self._is[keyword])[line_of_face[lines]], row)
@@ -177,13 +180,6 @@ class _Lines:
         return np.bincount(lines, minlength=len(line_of_face)), tuple(rows)
 
 
-def _tokens(letters: NDArray[np.uint8]) -> tuple[Indices, Indices]:
-    """Position of each word, and the number of its line."""
-    is_word = letters > _BLANK
-    starts = np.flatnonzero(is_word[1:] & ~is_word[:-1]) + 1  # a blank stands for the keyword
-    return starts, np.searchsorted(np.flatnonzero(letters == _LINE_END), starts)
-
-
 def _labels(lines: _Lines) -> tuple[list[str], Indices]:
     """Names of materials that faces use, "" for none, and the number of that of each face."""
     said = lines.said("usemtl")
@@ -194,33 +190,3 @@ def _labels(lines: _Lines) -> tuple[list[str], Indices]:
     of_faces = of_names[np.searchsorted([line for line, _ in said], lines.numbers_of(b"f"))]
     used, of_faces = np.unique(of_faces, return_inverse=True)
     return [labels[number] for number in used], of_faces
-
-
-def _materials(file_name: str, lines: _Lines, labels: list[str], reader: FileReader) -> Mapping[str, Material]:
-    """The materials that an OBJ file uses and its material files describe; a warning for those that are missing."""
-    described: dict[str, dict[str, str]] = {}
-    missing = []
-    for library_name in dict.fromkeys(name for _, name in lines.said("mtllib")):
-        # A name may hold spaces, and a line several names.
-        names = library_name.split()
-        for name in [library_name] if len(names) < 2 or os.path.isfile(reader.resolve(library_name)) else names:
-            library = reader.resolve(name)
-            if os.path.lexists(library):
-                described |= read_mtl(decode_text(reader.read(library)))
-            else:
-                missing.append(name)
-    lacking = [label for label in labels if label not in described and label.lower() not in _NONE]
-    if missing:
-        warn(
-            f"{file_name}: its material file {missing[0]!r} is missing, and the surfaces of its materials are grey; "
-            f"put it beside the file, {REPLACE}",
-            FileWarning,
-        )
-    elif lacking:
-        other_cases = [name for name in described if name.lower() == lacking[0].lower()]
-        warn(
-            f"{file_name}: its material {lacking[0]!r} is in none of its material files, and its surfaces are grey"
-            f"{f', though they have {other_cases[0]!r}' if other_cases else ''}; correct the name, {REPLACE}",
-            FileWarning,
-        )
-    return {name: obj_material(name, described[name], reader) for name in labels if name in described}

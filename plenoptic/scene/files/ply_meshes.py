@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.files.file_limits import FileReader
-from plenoptic.core.files.text_lines import parse_numbers
+from plenoptic.core.files.text_lines import parse_numbers, word_starts
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning, PlenopticError
@@ -129,38 +129,46 @@ def _elements(header: str, body: bytes) -> dict[str, _Element]:
     counts = [int(line.split()[2]) for line in lines if line.startswith("element")]
     if any(not 0 <= count * len(part.properties) <= len(body) for part, count in zip(layout, counts, strict=True)):
         raise FileError(f"it is cut off: it has {len(body)} bytes for {max(counts)} rows; export it again")
-    tokens = parse_numbers(body) if layout.text else np.zeros(0)
     elements: dict[str, _Element] = {}
-    start = 0
+    start = 0  # the number of a line, or of a byte
+    if layout.text:
+        body = body.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        tokens, (_, line_of_token) = parse_numbers(body), word_starts(body)
+        if len(tokens) != len(line_of_token):
+            raise FileError("it holds text in place of a number; export it again")
+        rows_begin = np.append(np.flatnonzero(np.diff(line_of_token, prepend=-1)), len(tokens))
     for element, count in zip(layout.elements, counts, strict=True):
         order = layout.byte_order
         types: list[_Type] = [
             (part.name, *(part.list_dtype(order) if isinstance(part, PlyListProperty) else ("", part.dtype(order))))
             for part in element.properties
         ]
-        rows = _text_rows(types, count, tokens, start) if layout.text else _equal_rows(types, count, body, start)
+        if layout.text:
+            elements[element.name] = _text_rows(types, tokens, rows_begin[start : start + count + 1], count)
+            start += count
+            continue
+        rows = _equal_rows(types, count, body, start)
         if rows is None:
             return {part.name: _columns_of(part.data) for part in PlyData.read(BytesIO(text + body))}
         elements[element.name], start = rows
-    if layout.text and start != len(tokens):
-        raise FileError(f"it has {len(tokens)} numbers instead of {start}; export it again")
     return elements
 
 
-def _text_rows(types: list[_Type], count: int, tokens: Floats, start: int) -> tuple[_Element, int]:
-    """Rows of an element from all numbers of a file, and where the next element begins."""
+def _text_rows(types: list[_Type], tokens: Floats, lines: Indices, count: int) -> _Element:
+    """Rows of an element from all numbers of a file, its lines of which begin at `lines`; the last ends with them."""
     if any(length_type for _, length_type, _ in types):
-        numbers, at, places = tokens.tolist(), start, []
-        for _ in range(count):
+        numbers, places, row_ends = tokens.tolist(), [], []
+        for at in lines[:count].tolist():
             for _, length_type, _ in types:
                 places.append(at)
                 at += 1 + int(numbers[at]) if length_type else 1
-        begins = np.array(places, dtype=np.int64).reshape(count, len(types))
+            row_ends.append(at)
+        begins, ends = np.array(places, dtype=np.int64).reshape(-1, len(types)), np.array(row_ends, dtype=np.int64)
     else:
-        begins = start + np.arange(count * len(types)).reshape(count, len(types))
-        at = start + count * len(types)
-    if at > len(tokens):
-        raise FileError(f"it is cut off: it has {len(tokens)} numbers, and needs {at} or more; export it again")
+        begins = lines[:count, None] + np.arange(len(types))
+        ends = lines[:count] + len(types)
+    if len(lines) <= count or np.any(ends > lines[1:]):
+        raise FileError("it is cut off: rows are missing, or have too few numbers; export it again")
     element: dict[str, NDArray[Any] | _Lists] = {}
     for (name, length_type, kind), begin in zip(types, begins.T, strict=True):
         element[name] = tokens[begin].astype(kind)
@@ -168,7 +176,7 @@ def _text_rows(types: list[_Type], count: int, tokens: Floats, start: int) -> tu
             lengths = tokens[begin].astype(np.int64)
             within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
             element[name] = _Lists(lengths, tokens[np.repeat(begin + 1, lengths) + within].astype(kind))
-    return element, at
+    return element
 
 
 def _equal_rows(types: list[_Type], count: int, body: bytes, start: int) -> tuple[_Element, int] | None:

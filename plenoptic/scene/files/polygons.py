@@ -21,7 +21,8 @@ def triangulate(points: Floats, lengths: Indices, corners: Indices) -> tuple[Ind
 
     Returns (m, 3) positions in `corners`, in the winding of their polygon, and (m,) the polygon of each. Polygons are
     fans around their first corner unless one of the fan's triangles would be turned over; these are concave, and
-    their ears are clipped in the plane of their vector area. Less than three corners make no triangle.
+    their ears are clipped in the plane of their vector area, unless they cross themselves there. Less than three
+    corners make no triangle.
     """
     if np.all(lengths == 3):
         return np.arange(len(corners)).reshape(-1, 3), np.arange(len(lengths))
@@ -47,7 +48,7 @@ def triangulate(points: Floats, lengths: Indices, corners: Indices) -> tuple[Ind
     is_fan, parts = np.ones(len(lengths), dtype=bool), []
     for k, normal in zip(several[concave], normals[concave], strict=True):
         ears = starts[k] + _ears(points[corners[starts[k] : starts[k] + lengths[k]]], normal)
-        is_fan[k] = len(ears) == 0  # earcut finds none in a line that runs back on itself
+        is_fan[k] = len(ears) == 0
         parts.append((ears, np.full(len(ears), k)))
     if not parts:
         return triangles, polygon
@@ -59,13 +60,17 @@ def triangulate(points: Floats, lengths: Indices, corners: Indices) -> tuple[Ind
 
 
 def _ears(points: Floats, normal: Floats) -> Indices:
-    """(m, 3) corners of the triangles of one polygon; an inner diagonal keeps the order of the corners."""
+    """(m, 3) corners of the triangles of one polygon, in its order; none if it crosses itself in its plane."""
     from mapbox_earcut import triangulate_float64
 
     axis = int(np.argmax(np.abs(normal)))
     plane = np.ascontiguousarray(points[:, [(axis + 1) % 3, (axis + 2) % 3]])
-    ears = triangulate_float64(plane, np.array([len(points)], dtype=np.uint32))
-    return np.sort(ears.reshape(-1, 3).astype(np.int64), axis=1)
+    corners = triangulate_float64(plane, np.array([len(points)], dtype=np.uint32))
+    ears: Indices = np.sort(corners.astype(np.int64).reshape(-1, 3), axis=1)
+    a, b, c = points[ears.T]
+    # Any division of a polygon, flat or not, has its vector area.
+    whole = np.allclose(np.cross(b - a, c - a).sum(axis=0), normal, rtol=0, atol=0.01 * np.abs(normal).max())
+    return ears if whole else ears[:0]
 
 
 def shared_vertices(first: Indices, *others: Indices | None) -> tuple[NDArray[np.int32], Indices]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from io import BytesIO
+from typing import Any, cast
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def stl_meshes(file_name: str, content: bytes, scale: float, material: Material 
             normals = part.vertex_normals if "vertex_normals" in part._cache else None
             chosen = material
             if chosen is None:
-                chosen, visual = Lambertian(), part.visual
+                chosen, visual = Lambertian(), cast(Any, part.visual)
                 if visual.kind in ("vertex", "face"):
                     codes = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
                     chosen = vertex_colour(file_name, np.asarray(codes)[:, :3] / 255)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -183,7 +184,7 @@ def _check_range(array: Floats, name: str, remedy: str) -> None:
         raise SceneError(f"{name} lie within {low:g} and {high:g}; they must be finite and within +-1e15: {remedy}")
 
 
-def has_area(vertices: Floats, faces: NDArray[np.int32], block: int = 1 << 16) -> bool:
+def has_area(vertices: Floats, faces: NDArray[np.integer[Any]], block: int = 1 << 16) -> bool:
     """True if any triangle has an area; ends at the first block that has."""
     for start in range(0, len(faces), block):
         a, b, c = (vertices[faces[start : start + block, k]] for k in range(3))

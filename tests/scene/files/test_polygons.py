@@ -106,16 +106,16 @@ def test_indices_count_from_the_line_they_stand_in(tmp_path, form, first):
 
 
 WRONG = {
-    "f 0 2 3": "line 6 names v 0, out of bounds for 4",
-    "f 1/0 2/1 3/1": "line 6 names vt 0",
-    "f 1//1 2//0 3//1": "line 6 names vn 1, out of bounds for 0",
-    "f 1 2 5": "line 6 names v 5, out of bounds for 4",
-    "f -1 -2 -5": "line 6 names v -5",
-    "f 1/2 2/1 3/1": "line 6 names vt 2, out of bounds for 1",
+    "f 0 2 3": "line 7 names v 0, out of bounds for 4",
+    "f 1/0 2/1 3/1": "line 7 names vt 0",
+    "f 1//1 2//0 3//1": "line 7 names vn 0, out of bounds for 1",
+    "f 1 2 5": "line 7 names v 5, out of bounds for 4",
+    "f -1 -2 -5": "line 7 names v -5",
+    "f 1/2 2/1 3/1": "line 7 names vt 2, out of bounds for 1",
     "f 1 2 3.5": "in place of an index",
     "f 1 2-3": "in place of a number",
     "f 1/1/1/1 2 3": "in place of an index",
-    "v 1 2\nf 1 2 3": "line 6 has 2 numbers; v takes 3",
+    "v 1 2\nf 1 2 3": "line 7 has 2 numbers; v takes 3",
     "vt 1 two\nf 1 2 3": "in place of a number",
 }
 
@@ -123,7 +123,7 @@ WRONG = {
 @pytest.mark.parametrize("line", WRONG)
 def test_wrong_indices_are_refused_by_their_line(tmp_path, line):
     with pytest.raises(FileError, match=rf"a\.obj.*({WRONG[line]})"):
-        pl.load_meshes(write(tmp_path / "a.obj", f"{CORNERS}vt 0 0\n{line}\n"))
+        pl.load_meshes(write(tmp_path / "a.obj", f"{CORNERS}vt 0 0\nvn 0 0 1\n{line}\n"))
 
 
 def test_marks_before_the_first_line(tmp_path):
@@ -227,6 +227,32 @@ def test_colours_that_vary_are_told_and_a_single_one_is_shown(tmp_path, name):
             "e.obj": re.sub(rb"v (.) (.) 0 .*\n", rb"v \1 \2 0 0 255 0\n", COLOURED["e.obj"]),
         }
         assert pl.load_meshes(write(path, contents[name]))[0].material == pl.Lambertian((0.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("form", ["{0}/{0}", "{0}//{0}", "{0}/{0}/{0}"])
+def test_uv_and_normals_that_an_obj_names_and_has_not(tmp_path, form):
+    face = " ".join(form.format(k) for k in (1, 2, 3))
+    with pytest.warns(FileWarning, match=r"a\.obj: its faces name v[tn], of which it has none"):
+        (mesh,) = pl.load_meshes(write(tmp_path / "a.obj", f"{CORNERS}f {face}\n"))
+    assert (mesh.normals, mesh.uv, area(mesh)) == (None, None, 0.5)
+
+
+def test_rows_of_a_ply_end_with_their_line(tmp_path):
+    """Numbers that the header does not name are left out, as MeshLab writes them for the colours of corners."""
+    content = ply([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], [([0, 1, 2], 9, 1), ([1, 3, 2], 7)])
+    (mesh,) = pl.load_meshes(write(tmp_path / "a.ply", content.replace(b"\n", b"\r\n")))
+    assert mesh.faces.tolist() == [[0, 1, 2], [1, 3, 2]]
+    for short in (content.replace(b"3 1 3 2 7", b"3 1 3"), content.replace(b"\n1 0 0\n", b"\n1 0\n")):
+        with pytest.raises(FileError, match="rows are missing, or have too few numbers"):
+            pl.load_meshes(write(tmp_path / "a.ply", short))
+
+
+@pytest.mark.parametrize("shape", [[(0, 0), (1, 1), (1, 0), (0, 2)], [(-1, 1), (1, 1), (1, -1), (-1, -1), (0, -1, 1)]])
+def test_polygons_that_cross_themselves_or_fold_keep_their_vector_area(tmp_path, shape):
+    points = np.array([(*point, 0.0)[:3] for point in shape], dtype=float)
+    (mesh,) = pl.load_meshes(write(tmp_path / "a.ply", ply(points.tolist(), [(list(range(len(points))),)])))
+    expected = 0.5 * np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+    np.testing.assert_allclose(area_vectors(mesh).sum(axis=0), expected, atol=1e-15)
 
 
 LIBRARY = "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
