@@ -39,7 +39,7 @@ class DepthMap:
         nan where no disparity was found.
     standard_error : (H, W) array
         Standard error of the disparity in pixels, from the residuals of the match and from interpolation, and for a
-        raw image at least the scatter within a window; large where there is no texture.
+        raw image from scatter within a window; large where there is no texture.
     confidence : (H, W) array
         Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
         image, the mean of this over the microlenses that see the point and agree on its depth, times the fraction that

@@ -16,6 +16,8 @@ _TOLERANCE = 0.03
 
 _MIN_ERROR = 0.003
 """Relative error below which the values of a window weigh the same."""
+_BIAS_OVER_SCATTER = 2.5
+"""Error of disparities over their scatter in a window, beyond that of independent pixels; measured on checkerboards."""
 
 
 def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> Matches:
@@ -23,7 +25,7 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
 
     Neighbouring microlenses see the same points: each pixel collects the estimates that neighbours project onto it, and
     takes the mean of the views that agree with the weighted median. The confidence is the mean of theirs times the
-    fraction that agree, at most 0.5 for a single one. The standard error is at least the scatter within a window.
+    fraction that agree, at most 0.5 for a single one. Scatter within a window adds to the standard error.
     """
     (lens, y, x), row, column, size = micro.lit, micro.row, micro.column, shape[0] * shape[1]
     value, error, agreement = (plane[lens, y, x] for plane in matches)
@@ -43,12 +45,13 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
     covered = np.flatnonzero(owner >= 0)
     result[:, covered] = _weighted_consensus(*(slots[:, k, covered] for k in range(3)))
     value, error, confidence = result.reshape(3, *shape[:2])
-    scatter = _window_scatter(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
-    return Matches(value, np.fmax(error, scatter), confidence)
+    scatter = _window_variance(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
+    excess = np.fmax(scatter - 2.0 * error**2, 0.0)
+    return Matches(value, np.sqrt(error**2 + _BIAS_OVER_SCATTER**2 * excess), confidence)
 
 
-def _window_scatter(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> Floats:
-    """RMS difference (H, W) between a pixel's value and those around it in its micro image, the exact ones most.
+def _window_variance(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> Floats:
+    """Mean squared difference (H, W) of a pixel's value from those around it in its micro image, the exact ones most.
 
     Windows that show a part of an edge yield smooth, wrong values beside it; the edge itself has the right ones.
     """
@@ -60,7 +63,7 @@ def _window_scatter(values: Floats, errors: Floats, owner: NDArray[np.int64], ra
             weight = np.where(lens == owner, weight, 0.0)
             total += weight
             squares += weight * np.nan_to_num(value - values) ** 2
-        return np.sqrt(squares / total)
+        return squares / total
 
 
 def _weighted_consensus(values: Floats, errors: Floats, confidences: Floats) -> tuple[Floats, Floats, Floats]:
