@@ -38,11 +38,12 @@ class DepthMap:
         `LightField.disparity_at`; for a single column of views without camera, shift along rows for each pixel of v.
         nan where no disparity was found.
     standard_error : (H, W) array
-        Standard error of the disparity in pixels, from the residuals of the match and from interpolation; large where
-        there is no texture.
+        Standard error of the disparity in pixels, from the residuals of the match and from interpolation, and for a
+        raw image from scatter within a window; large where there is no texture.
     confidence : (H, W) array
         Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
-        image, it is multiplied by the fraction of the neighbouring microlenses that agree on the depth of the point.
+        image, the mean of this over the microlenses that see the point and agree on its depth, times the fraction that
+        agree; at most 0.5 if a single one sees it.
     virtual_depth : (H, W) array
         Pitch / (disparity pixel pitch), negative for images in front of the array; nan for views.
     depth : (H, W) array

@@ -141,6 +141,31 @@ def test_what_is_nearer_hides_what_is_behind(white, hidden):
             assert (np.abs(of_mesh - radiance) < 0.1).mean() > 0.95, (fat, viewpoint)
 
 
+def test_holes_are_filled_from_the_same_surface(white, hidden):
+    """Disparities are unknown near the edge of the square; the radiance tells the side. Other pixels stay."""
+    _, shot = hidden
+    truth = shot.truth.chord_disparity
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(truth, 2, mode="edge"), (5, 5))
+    partly = np.where(around.max(axis=(2, 3)) > 1.1 * around.min(axis=(2, 3)), np.nan, truth)
+    # Of a depth map, wrong disparities without confidence do not count.
+    wrong = np.arange(120)[:, None] % np.full(120, 40) == 0
+    maps = [np.where(wrong, 1.5 * partly, partly), np.full(truth.shape, 0.01), np.where(wrong, 0.0, 1.0)]
+    depth_map = pl.lightfield.DepthMap(*maps, truth, truth)
+    exact, plain = (render_view(shot, white, disparity) for disparity in (truth, partly))
+    view = render_view(shot, white, partly, fill=True, threads=2)
+    assert plain.filled is None and view.filled.any() and view.filled[np.isnan(plain.disparity)].all()
+    for name in ("picture", "standard_error", "disparity", "coverage"):
+        assert np.array_equal(getattr(view, name)[~view.filled], getattr(plain, name)[~view.filled])
+    for filled in (view, render_view(shot, white, depth_map, fill=True)):
+        assert np.isfinite(filled.picture).all()
+        off = np.abs(filled.disparity / exact.disparity - 1)[filled.filled]
+        assert (off < 0.05).mean() > 0.8, (off < 0.05).mean()
+    rms = [np.sqrt(np.mean((part.picture - exact.picture)[view.filled] ** 2)) for part in (view, plain)]
+    assert rms[0] < 0.15, rms
+    field = render_views(shot, white, partly, views=3, fill=True)
+    assert np.array_equal(field.centre, render_view(shot, white, partly, fill=True).picture)
+
+
 def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     """The edge of the dark square: as sharp as the samples are, or blurred by the aperture."""
     _, shot = hidden
@@ -225,6 +250,7 @@ def test_mistakes_are_named(white):
         ({"disparity": 3.0, "viewpoint": 0.5}, "viewpoint has shape"),
         ({"disparity": 3.0, "aperture": 0.0}, "aperture is 0"),
         ({"disparity": 3.0, "spacing": -1.0}, "spacing is -1"),
+        ({"z": -400.0, "fill": True}, "no holes to fill"),
     ):
         with pytest.raises(InvalidValueError, match=message):
             render_view(white, white, **arguments)

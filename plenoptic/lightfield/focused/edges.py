@@ -56,7 +56,7 @@ def correct_edges(
             break
         cells = _in_cells(rays, nearness, light, spacing)
         light_and_lens = light[candidates], rays.lens[candidates]
-        position_behind = _picture_positions(rays, other, spacing)
+        position_behind = picture_positions(rays, other, spacing)
         misfit, misfit_behind = np.empty(len(candidates)), np.empty(len(candidates))
         fill_misfits(misfit, cells, depth, (cells.position[candidates], nearness[candidates], *light_and_lens))
         fill_misfits(misfit_behind, cells, depth, (position_behind[candidates], other[candidates], *light_and_lens))
@@ -66,13 +66,13 @@ def correct_edges(
     return nearness
 
 
-def _picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
+def picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
     """Positions (n, 2) of pixels as seen from the centre of the pupil: down and along, in pixels of the picture."""
     return np.asarray((rays.through - rays.at_pupil * nearness[:, None])[:, ::-1] * (1.0, -1.0) / spacing)
 
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:
-    position = _picture_positions(rays, nearness, spacing)
+    position = picture_positions(rays, nearness, spacing)
     valid, cell = np.asarray(np.isfinite(position).all(axis=1)), np.rint(position)
     low, high = cell[valid].min(axis=0, initial=0), cell[valid].max(axis=0, initial=0)
     shape = (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)

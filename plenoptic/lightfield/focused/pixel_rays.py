@@ -57,6 +57,11 @@ class PixelRays(NamedTuple):
         """Values of an array (H, W) or (H, W, C) of the raw image at the rays."""
         return np.asarray(plane[self.row, self.column])
 
+    def nearness(self, disparity: Floats) -> Floats:
+        """A / (1 + a V) of disparities (n,) in pitches: the image lies a behind the array, V is the vergence."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.to_sensor / (disparity + self.to_sensor * self.pupil.vergence))
+
     def on_image(self, of_rays: NDArray[Any], empty: float) -> NDArray[Any]:
         """Array (H, W) on the raw image with the values of the rays (n,)."""
         plane = np.full(self.raw.shot.shape[:2], empty, dtype=of_rays.dtype)

@@ -35,6 +35,8 @@ class View:
     viewpoint : (float, float)
         Point of the pupil through which all light passes, in semi-diameters of the iris.
     camera : PlenopticCamera
+    filled : (rows, columns) array of bool, or None
+        True for pixels that would be nan or show another surface without `fill=True`; None without it.
     """
 
     picture: NDArray[np.float32]
@@ -45,6 +47,7 @@ class View:
     spacing: float
     viewpoint: tuple[float, float]
     camera: PlenopticCamera
+    filled: NDArray[np.bool_] | None = None
 
     def truth(self, scene: Scene, *, truth: Truth = Truth.ALL) -> GroundTruth:
         """Ground truth of the pixels, traced along the rays through their positions on the array and the viewpoint.

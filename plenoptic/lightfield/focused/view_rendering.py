@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -16,7 +17,9 @@ from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positiv
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.decode import field_of, odd_count
+from plenoptic.lightfield.depth_map import DepthMap
 from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
+from plenoptic.lightfield.focused.filling import fill_disparities
 from plenoptic.lightfield.focused.pixel_rays import PixelRays, pixel_rays
 from plenoptic.lightfield.focused.splats import (
     OVERSHOOT,
@@ -39,6 +42,8 @@ _HALF_SIDE = 0.6
 """Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 _FINEST = 0.01
 """Minimum pixel width of a picture, as a fraction of the pitch."""
+_SMALL_ERROR, _LEAST_TRUST = 0.01, 1e-4
+"""Relative standard error up to which disparities count by their confidence alone, and the weight of any others."""
 _PIXELS_PER_PITCH = 6
 """Pixels of a view per pitch."""
 _QUADRATIC, _LINEAR = 6, 3
@@ -58,9 +63,10 @@ class ViewSamples(NamedTuple):
 def render_view(  # noqa: PLR0913
     shot: Exposure,
     white: Exposure,
-    disparity: ArrayLike | None = None,
+    disparity: ArrayLike | DepthMap | None = None,
     *,
     z: float | None = None,
+    fill: bool = False,
     viewpoint: tuple[float, float] = (0.0, 0.0),
     aperture: float | None = None,
     spacing: float | None = None,
@@ -75,12 +81,16 @@ def render_view(  # noqa: PLR0913
     ----------
     shot, white : Exposure
         As in `decode`.
-    disparity : (H, W) array_like or float, optional
-        Disparity of each pixel of the shot, as `GroundTruth.chord_disparity` and `DepthMap.disparity`, nan if unknown:
-        the picture is in focus everywhere (total focus), with occlusion. A number: the picture is refocused at this
+    disparity : DepthMap, (H, W) array_like or float, optional
+        Disparity of each pixel of the shot, as `GroundTruth.chord_disparity` or a `DepthMap`, nan if unknown: the
+        picture is in focus everywhere (total focus), with occlusion. A number: the picture is refocused at this
         disparity.
     z : float, optional
         In place of a disparity, z in mm of the plane of refocusing in the camera's frame, by Gaussian optics.
+    fill : bool, optional
+        Whether to interpolate unknown disparities of pixels, so that the picture has no holes: from those around them,
+        of a `DepthMap` from those with confidence and small standard errors most, and across edges of the radiance
+        least. See `View.filled`; other pixels of the view do not change.
     viewpoint : (float, float), optional
         Point of the pupil from which the scene is seen, to the right and up, in semi-diameters of the iris.
     aperture : float, optional
@@ -108,7 +118,8 @@ def render_view(  # noqa: PLR0913
     ------
     InvalidValueError
         If there are no microlenses on a lattice, if they are focused at infinity, if the white image does not fit the
-        camera, as in `decode`, unless exactly one of disparity and z is given, or if a number is out of range.
+        camera, as in `decode`, unless exactly one of disparity and z is given, if a refocused picture is to be filled,
+        or if a number is out of range.
 
     Notes
     -----
@@ -145,16 +156,17 @@ def render_view(  # noqa: PLR0913
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
     with CallProgress("rendering the view", kind="camera", show=progress):
-        samples = _picture_samples(rays, *_picture_focus(rays, disparity, z), spacing)
-        return _render_from_viewpoint(samples, pupil_point, radius, thread_count(threads))
+        samples = _sample_sets(rays, disparity, z, fill, spacing)
+        return _render_and_fill(samples, pupil_point, radius, thread_count(threads))
 
 
 def render_views(
     shot: Exposure,
     white: Exposure,
-    disparity: ArrayLike,
+    disparity: ArrayLike | DepthMap,
     *,
     views: int = 5,
+    fill: bool = False,
     spacing: float | None = None,
     camera: PlenopticCamera | None = None,
     threads: int | None = None,
@@ -163,7 +175,7 @@ def render_views(
 
     Parameters
     ----------
-    shot, white, disparity, spacing, camera, threads
+    shot, white, disparity, fill, spacing, camera, threads
         As in `render_view`; the disparity of each pixel.
     views : int, optional
         Number of views along u and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and
@@ -193,16 +205,15 @@ def render_views(
     count = odd_count(views)
     rays = pixel_rays(shot, white, camera, _LEAST_LIGHT)
     camera, pupil = rays.camera, rays.pupil
-    samples = _picture_samples(rays, *_picture_focus(rays, disparity), spacing)
+    samples = _sample_sets(rays, disparity, None, fill, spacing)
     positions = np.linspace(-_HALF_SIDE, _HALF_SIDE, count) if count > 1 else np.zeros(1)
     # Offsets increase to the right in the image, and in an upright pupil.
-    scale = pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch
+    scale, grid = pupil.slope * camera.microlenses_to_sensor / camera.sensor.pixel_pitch, samples[0].grid
     sign, workers = math.copysign(1.0, scale), thread_count(threads)
     rendered = [
-        [_render_from_viewpoint(samples, (sign * x, -sign * y), math.inf, workers) for y in positions]
-        for x in positions
+        [_render_and_fill(samples, (sign * x, -sign * y), math.inf, workers) for y in positions] for x in positions
     ]
-    axes, local = array_axes(camera), samples.grid.positions()
+    axes, local = array_axes(camera), grid.positions()
     chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * pupil.vergence)
     pixel = camera.sensor.pixel_of(chief).reshape(local.shape)
     errors = [[view.standard_error for view in column] for column in rendered]
@@ -212,9 +223,48 @@ def render_views(
         None if rays.raw.variance is None else np.array(errors),
         np.tile(abs(scale) * positions, (2, 1)),
         local[0, 0],
-        (samples.grid.spacing, samples.grid.spacing),
+        (grid.spacing, grid.spacing),
         np.concatenate([pixel, rendered[0][0].on_array], axis=-1),
     )
+
+
+def _sample_sets(
+    rays: PixelRays, disparity: ArrayLike | DepthMap | None, z: float | None, fill: bool, spacing: float | None
+) -> list[ViewSamples]:
+    """Samples of pixels whose disparity is known, and those of all pixels if unknown ones are to be filled."""
+    trust = np.ones(len(rays.row))
+    if isinstance(disparity, DepthMap):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.nan_to_num(rays.at(disparity.standard_error / disparity.disparity), nan=math.inf)
+        trust = np.nan_to_num(rays.at(disparity.confidence)) / np.maximum(error / _SMALL_ERROR, 1.0) ** 2 + _LEAST_TRUST
+        disparity = disparity.disparity
+    in_pitches, everywhere = _picture_focus(rays, disparity, z)
+    if fill and not everywhere:
+        raise InvalidValueError("fill= needs the disparity of each pixel; a refocused picture has no holes to fill")
+    disparities = [in_pitches, fill_disparities(rays, in_pitches, trust)] if fill else [in_pitches]
+    return [_picture_samples(rays, d, everywhere, spacing) for d in disparities]
+
+
+def _render_and_fill(samples: list[ViewSamples], viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
+    """The view of the first samples; where it is empty or shows another surface, that of the second ones."""
+    view, *others = (_render_from_viewpoint(part, viewpoint, aperture, threads) for part in samples)
+    for whole in others:
+        near, near_whole = (_nearness_of_view(samples[0].rays, part.disparity) for part in (view, whole))
+        same = np.abs(near_whole - near) <= surface_depth(samples[0].rays.pupil, view.spacing)
+        filled = np.isfinite(near_whole) & ~same
+        planes = {"disparity": filled, "coverage": filled, "picture": filled[..., None]}
+        if view.standard_error is not None:
+            planes["standard_error"] = filled[..., None]
+        mixed = {name: np.where(hole, getattr(whole, name), getattr(view, name)) for name, hole in planes.items()}
+        view = dataclasses.replace(view, **mixed, filled=filled)
+    return view
+
+
+def _nearness_of_view(rays: PixelRays, disparity: Floats) -> Floats:
+    in_pitches = disparity * rays.camera.sensor.pixel_pitch / min(rays.array.pitches)
+    b = rays.camera.microlenses_to_sensor
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(b / (in_pitches + b * rays.pupil.vergence))
 
 
 def _render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
@@ -306,9 +356,8 @@ def _picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel
     depth, light = surface_depth(pupil, spacing), rays.at(raw.white)
     radiance, weight = rays.at(raw.shot) / light, light.mean(axis=1) / raw.least
     variance = raw.variance_of(radiance, light, rays.at)
-    # a / (1 + a V) of the image a behind the array, as the Notes of `render_view` have it.
+    nearness = rays.nearness(disparity)
     with np.errstate(divide="ignore", invalid="ignore"):
-        nearness = rays.to_sensor / (disparity + rays.to_sensor * pupil.vergence)
         if everywhere:
             nearness = correct_edges(rays, nearness, radiance, variance, spacing, depth)
             disparity = rays.to_sensor * (1.0 / nearness - pupil.vergence)

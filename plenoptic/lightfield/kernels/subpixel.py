@@ -92,7 +92,7 @@ def _window(stack, start, slopes, m, j, pixel, d):
     tolerance, noise, slot = _SAME_SURFACE * _reach(stack, start[y, x]), stack.noise_variance[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
-            slopes[slot] = math.nan
+            slopes[0, slot] = math.nan
             slot += 1
             r, c = yy + top, xx + left
             if not (1 <= r < rows - 2 and 1 <= c < columns - 2 and 0 <= yy < rows and 0 <= xx < columns):
@@ -109,7 +109,7 @@ def _window(stack, start, slopes, m, j, pixel, d):
                 vy += e * along
                 vx += w * interpolate_row(values, r - 1 + i, c, derivatives)
             value, slope = window_values[yy, xx], -(sy * vy + sx * vx)
-            slopes[slot - 1] = slope
+            slopes[0, slot - 1], slopes[1, slot - 1] = slope, v
             n += 1.0
             p += value
             q += v
@@ -126,17 +126,20 @@ def _window(stack, start, slopes, m, j, pixel, d):
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
     correlation = pq / math.sqrt((pp + n * noise) * (qq + n * stack.noise_variance[other]))
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
+    # A change of gain that has the same effect as a shift leaves no information on the shift.
+    common = qs / qq if qq > 0.0 else 0.0
     for i in range(slot):
-        slopes[i] = gain * (slopes[i] - s / n)
+        slopes[0, i] = gain * (slopes[0, i] - s / n - common * (slopes[1, i] - q / n))
     # Interpolation blurs noise most halfway between pixels, which attracts the fit: its share is taken off.
     gradient = gain * (ps - gain * (qs - n * covariance))
-    return n, correlation, gradient, gain * gain * ss, pp - 2.0 * gain * pq + gain * gain * qq
+    stiffness = gain * gain * max(ss - common * qs, 0.0)
+    return n, correlation, gradient, stiffness, pp - 2.0 * gain * pq + gain * gain * qq
 
 
 @device
 def _refine(stack, start, slopes, m, y, x):
     """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
-    error, agreement, slope_sums = math.inf, 0.0, slopes[1]
+    error, agreement, slope_sums = math.inf, 0.0, slopes[2]
     d, reach = start[y, x], _reach(stack, start[y, x])
     for _ in range(_STEPS):
         gradient_sum, stiffness, residual_sum, weight_sum, slope_variance = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -148,9 +151,7 @@ def _refine(stack, start, slopes, m, y, x):
             if down * down + right * right > stack.max_shift * stack.max_shift or n_compared == stack.max_compared:
                 continue
             n_compared += 1
-            n, correlation, residual, slope_squares, residual_squares = _window(
-                stack, start, slopes[0], m, j, (y, x), d
-            )
+            n, correlation, residual, slope_squares, residual_squares = _window(stack, start, slopes, m, j, (y, x), d)
             n_valid += n > 0.0
             if n == 0.0 or correlation <= _MIN_CORRELATION:
                 continue

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.matching.image_stack import Matches
@@ -11,38 +14,60 @@ from plenoptic.lightfield.matching.micro_images import MicroImages
 _TOLERANCE = 0.03
 """Relative difference, in addition to four standard errors, up to which microlenses agree."""
 
+_MIN_ERROR = 0.003
+"""Relative error below which the values of a window weigh the same."""
+_BIAS_OVER_SCATTER = 2.5
+"""Error of disparities over their scatter in a window, beyond that of independent pixels; measured on checkerboards."""
+
 
 def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> Matches:
     """Disparities on the raw image (H, W), from those of its micro images (k, n, n); nan outside of them.
 
     Neighbouring microlenses see the same points: each pixel collects the estimates that neighbours project onto it, and
-    takes the mean of the views that agree with the weighted median. The confidence is multiplied by the fraction that
-    agree.
+    takes the mean of the views that agree with the weighted median. The confidence is the mean of theirs times the
+    fraction that agree, at most 0.5 for a single one. Scatter within a window adds to the standard error.
     """
     (lens, y, x), row, column, size = micro.lit, micro.row, micro.column, shape[0] * shape[1]
     value, error, agreement = (plane[lens, y, x] for plane in matches)
     usable = np.isfinite(value) & np.isfinite(error)
     owner = np.full(size, -1)
     owner[row * shape[1] + column] = lens
-    slots = np.full((len(micro.steps) + 1, 2, size), np.nan)
-    slots[0, :, row * shape[1] + column] = np.where(usable, [value, error], np.nan).T
+    slots = np.full((len(micro.steps) + 1, 3, size), np.nan)
+    slots[0, :, row * shape[1] + column] = np.where(usable, [value, error, agreement], np.nan).T
     for j, other in enumerate(micro.neighbours(lens).T):
         shift = (micro.orthogonal[other] - micro.orthogonal[lens]) * (1.0 - value / micro.stack.pitch)[:, None]
         target = np.rint(np.column_stack([row, column]) + np.nan_to_num(shift, nan=1e9)).astype(np.int64)
         lands = usable & (other >= 0) & ((target >= 0) & (target < shape[:2])).all(axis=1)
         target_index = np.where(lands, target[:, 0] * shape[1] + target[:, 1], 0)
         lands &= owner[target_index] == other
-        slots[j + 1][:, target_index[lands]] = value[lands], error[lands]
+        slots[j + 1][:, target_index[lands]] = value[lands], error[lands], agreement[lands]
     result = np.full((3, size), np.nan)
     covered = np.flatnonzero(owner >= 0)
-    result[:, covered] = _weighted_consensus(slots[:, 0, covered], slots[:, 1, covered])
-    agreed = Matches(*result.reshape(3, *shape[:2]))
-    agreed.confidence[row, column] *= np.where(np.isfinite(agreement), agreement, 1.0)
-    return agreed
+    result[:, covered] = _weighted_consensus(*(slots[:, k, covered] for k in range(3)))
+    value, error, confidence = result.reshape(3, *shape[:2])
+    scatter = _window_variance(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
+    excess = np.fmax(scatter - 2.0 * error**2, 0.0)
+    return Matches(value, np.sqrt(error**2 + _BIAS_OVER_SCATTER**2 * excess), confidence)
 
 
-def _weighted_consensus(values: Floats, errors: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean of the estimates (s, n) that agree with their weighted median, its standard error, and their fraction."""
+def _window_variance(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> Floats:
+    """Mean squared difference (H, W) of a pixel's value from those around it in its micro image, the exact ones most.
+
+    Windows that show a part of an edge yield smooth, wrong values beside it; the edge itself has the right ones.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = np.nan_to_num(1.0 / np.maximum(errors, _MIN_ERROR * np.abs(values)) ** 2)
+        total, squares = np.zeros_like(values), np.zeros_like(values)
+        for step in product(range(-radius, radius + 1), repeat=2):
+            value, weight, lens = (np.roll(plane, step, axis=(0, 1)) for plane in (values, weights, owner))
+            weight = np.where(lens == owner, weight, 0.0)
+            total += weight
+            squares += weight * np.nan_to_num(value - values) ** 2
+        return squares / total
+
+
+def _weighted_consensus(values: Floats, errors: Floats, confidences: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean of the estimates (s, n) that agree with their weighted median, its standard error, and its confidence."""
     with np.errstate(divide="ignore", invalid="ignore"):
         order = np.argsort(values, axis=0)
         ordered = np.take_along_axis(values, order, axis=0)
@@ -61,5 +86,7 @@ def _weighted_consensus(values: Floats, errors: Floats) -> tuple[Floats, Floats,
         # estimates that disagree is added, since they may be right.
         smallest = np.where(agrees, deviation, np.inf).min(axis=0)
         doubt = np.where(valid & ~agrees, weight * (ordered - mean) ** 2, 0.0).sum(axis=0) / weight.sum(axis=0)
-        fraction = agrees.sum(axis=0) / valid.sum(axis=0)
-    return mean, np.where(np.isfinite(mean), np.sqrt(smallest**2 + doubt), np.nan), fraction
+        # A single estimate agrees with nobody.
+        confidence = np.where(agrees, np.take_along_axis(confidences, order, axis=0), 0.0).sum(axis=0)
+        confidence /= np.maximum(valid.sum(axis=0), 2)
+    return mean, np.where(np.isfinite(mean), np.sqrt(smallest**2 + doubt), np.nan), confidence

@@ -79,7 +79,7 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
     from plenoptic.lightfield.kernels.subpixel import fill_subpixel
 
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
-    fill_subpixel(matches, disparity, stack, np.empty((2, (2 * stack.window_radius + 1) ** 2)), first)
+    fill_subpixel(matches, disparity, stack, np.empty((3, (2 * stack.window_radius + 1) ** 2)), first)
     systematic = _SHIFT_ERROR / float(np.hypot(*stack.step.T).max(initial=1e-9))
     return matches._replace(standard_error=np.hypot(stack.error_ratio * matches.standard_error, systematic))
 
