@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.lost_rays import lost_rays
-from plenoptic.core.relative_error import brightness, light_is_rare, relative_error
+from plenoptic.core.relative_error import brightness, image_error, light_is_rare, relative_error
 from plenoptic.core.warn import warn
 from plenoptic.errors import BudgetWarning
 from plenoptic.rendering.exposure import MOST_NAMES, Exposure
@@ -119,7 +119,7 @@ def exposure_of(
     rare = rare_light(subject.scene, subject.settings)
     unmet_light = _unmet_light(progress, image, counts, rare, subject.settings.clamp)
     reason = _reason(progress, image, errors, interrupted=interrupted)
-    if rare is not None and errors is not None and not (unmet_light <= relative_error(image, errors) or interrupted):
+    if rare is not None and errors is not None and image_error(image, errors).misses(unmet_light) and not interrupted:
         reason = StopReason.TARGET_MISSED if reason is StopReason.TARGET_ERROR else reason
         warn(
             f"{rare.light} reaches matt surfaces by way of {rare.mesh}, where one ray in {rare.rays:.2g} meets it by "
