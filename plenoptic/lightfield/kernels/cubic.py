@@ -1,13 +1,28 @@
-"""Cubic interpolation between pixels: weights, and interpolation along a row."""
+"""Cubic convolution: interpolation weights, and interpolation along a row."""
 
 from plenoptic.core.numba.jit import device
 
 
 @device
 def cubic_weights(t):
-    """Weights of the cubic through four pixels at a fraction t from the second (Lagrange), and their derivatives.
+    """Weights of cubic convolution at a fraction t (R. G. Keys, 1981), and their derivatives."""
+    u = 1.0 - t
+    return (
+        (
+            -0.5 * t * u * u,
+            1.0 - 2.5 * t * t + 1.5 * t * t * t,
+            0.5 * t + 2.0 * t * t - 1.5 * t * t * t,
+            -0.5 * t * t * u,
+        ),
+        (-0.5 * u * u + t * u, -5.0 * t + 4.5 * t * t, 0.5 + 4.0 * t - 4.5 * t * t, -t * u + 0.5 * t * t),
+    )
 
-    Its error is of fourth order and hardly shifts waves; cubic convolution has one of third order, which does.
+
+@device
+def lagrange_weights(t):
+    """Weights of the cubic through four pixels at a fraction t from the second, and their derivatives.
+
+    Its error is of fourth order and hardly shifts smooth waves; that of cubic convolution is of third order, and does.
     """
     r, s, u = t + 1.0, t - 1.0, t - 2.0
     return (

@@ -5,14 +5,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-
-
-@device
-def _convolution_weights(t):
-    """Weights of cubic convolution at a fraction t (R. G. Keys, 1981), whose slopes are continuous."""
-    u = 1.0 - t
-    first, last = -0.5 * t * u * u, -0.5 * t * t * u
-    return first, 1.0 - 2.5 * t * t + 1.5 * t * t * t, 0.5 * t + 2.0 * t * t - 1.5 * t * t * t, last
+from plenoptic.lightfield.kernels.cubic import cubic_weights
 
 
 @device
@@ -21,7 +14,7 @@ def _interpolate(view, row, column, c):
     rows, columns, _ = view.shape
     top, left = math.floor(row), math.floor(column)
     down, right = row - top, column - left
-    a, b = _convolution_weights(down), _convolution_weights(right)
+    (a, _), (b, _) = cubic_weights(down), cubic_weights(right)
     top, left, total = int(top), int(left), 0.0
     if 1 <= top < rows - 2 and 1 <= left < columns - 2:
         for i in range(4):

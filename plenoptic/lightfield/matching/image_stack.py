@@ -50,6 +50,8 @@ class ImageStack(NamedTuple):
     """Ratio of the error of a disparity to that of independent residuals: pixels of interpolated views share noise."""
     shift_error: float = 0.005
     """Systematic error of the largest shift between images; for views, from 48 planes before eight lenses."""
+    smooth: bool = True
+    """True for images without texture as fine as their pixels: `refine` then interpolates to fourth order."""
     pitch: float = 1.0
     """Pitch of the microlenses."""
     residual_displacement: Floats | None = None
