@@ -166,6 +166,12 @@ class ImageError(NamedTuple):
     """
     rare: bool
     """True if light is too rare for a reliable estimate: few pixels dominate, or the threshold is not robust."""
+    few: bool = False
+    """True if fewer than 8 pixels dominate, also where few are lit."""
+
+    def misses(self, unmet_light: float) -> bool:
+        """True if light that paths may have missed, a fraction of all light, is more than the error, or few show it."""
+        return unmet_light > 0 and (self.few or not unmet_light <= self.relative)
 
 
 def relative_error(image: AnyFloats, error: AnyFloats) -> float:
@@ -181,7 +187,7 @@ def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
             level.add(values[values > 0])
     sums = _sums_above(_threshold(expected), image, error)
     rare = _few_dominate(*sums) or not _threshold(bright) <= _MAX_THRESHOLD_RATIO * _threshold(lower)
-    return ImageError(_relative(sums, error), rare)
+    return ImageError(_relative(sums, error), rare, sums.total * sums.total < _FEW * sums.sum_of_squares)
 
 
 class _Moments(NamedTuple):

@@ -30,8 +30,9 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     Returns
     -------
     (rows, columns, C) array of float32
-        Mean of the views that have light at a pixel; nan if none has. Views are shifted as traced through the real
-        lens, each pixel of each view by its own shift, and interpolated by cubic convolution, linearly at borders.
+        Mean of the views that have light at a pixel; nan if none has. Views of which the lens vignettes more than a
+        tenth are left out, since they show light of neighbouring microlenses. Views are shifted as traced through the
+        real lens, each pixel of each view by its own shift, and interpolated by cubic convolution, linearly at borders.
 
     References
     ----------
@@ -52,8 +53,10 @@ def refocus(field: LightField, z: float | None = None, *, disparity: float | Non
     if (z is None) == (disparity is None):
         raise InvalidValueError("give either z, the plane in mm, or disparity=, in pixels from view to view")
     total, count = np.zeros(field.views.shape[2:]), np.zeros(field.views.shape[2:])
-    for view, shift in zip(field.views.reshape(-1, *total.shape), _shifts(field, z, disparity), strict=True):
-        if np.isfinite(shift).all():
+    light = np.ones(field.views.shape[:2]) if field.camera is None else field.model.light
+    shifts = _shifts(field, z, disparity)
+    for view, shift, part in zip(field.views.reshape(-1, *total.shape), shifts, light.ravel(), strict=True):
+        if part > 0 and np.isfinite(shift).all():
             add_view(total, count, view, shift)
     with np.errstate(invalid="ignore"):
         return np.asarray(total / np.where(count > 0, count, np.nan), dtype=np.float32)

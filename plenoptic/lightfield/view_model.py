@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import image_plane, lateral_magnification, model_pupil
+from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
-from plenoptic.lightfield.outward_rays import chief_rays, plane_intersections
+from plenoptic.lightfield.outward_rays import aperture_variance, chief_rays, plane_intersections
 from plenoptic.lightfield.pinhole_model import (
     ObjectPlane,
     PlanePair,
@@ -32,7 +33,7 @@ from plenoptic.lightfield.pinhole_model import (
 _NODES, _TERMS = 8, 5
 """Traced pixels along a side of a view, and terms of the series fitted to them along each side."""
 _RAYS = 3
-"""Traced rays along the side of a pixel of the raw image, which tell the part that the lens vignettes."""
+"""Traced rays along the side of a pixel of the raw image: views show the mean of those that the lens passes."""
 _CLEAR = 0.9
 """Light of a view, relative to the one with most of it, from which on it counts in disparities."""
 _DISTANCES = (3.0, 30.0, 7.0)
@@ -196,23 +197,23 @@ def _traced_model(
     (row, column), positions = table[:, :2].T.astype(np.int64), table[:, 2:]
     u, v = np.meshgrid(*offsets, indexing="ij")
     step = np.stack([v * spacing[0] / spacing[1], u], axis=-1)
-    # (U, V, nodes, 2)
-    pixel = positions[:, :2] + np.stack([v, u], axis=-1)[:, :, None]
-    passed = np.broadcast_to(positions[:, 2:], pixel.shape)
-    rays = chief_rays(axes, array, pixel.reshape(-1, 2), passed.reshape(-1, 2), 1)
+    footprints = _footprints(camera, offsets, positions)
+    light = footprints.sums(np.ones(footprints.mask.shape))
+    # Of the light of a pixel, cos^4 of the angle to the axis moves the centre on the microlens towards the pixel.
+    towards_pixel = 4.0 * aperture_variance(array) * camera.sensor.pixel_pitch / camera.microlenses_to_sensor**2
     displacement = []
     for plane in planes:
-        points = plane.magnification * plane_intersections(rays, plane.z)
+        points = plane.magnification * plane_intersections(footprints.rays, plane.z)
         image = np.column_stack([points, np.full(len(points), plane.z_image)])
         on_array = axes.parts.local_to_lens.inverse().points(image)[:, :2] / (1.0 + plane.behind * vergence)
-        # The sensor is read out rotated by 180 degrees: columns run towards -x, rows towards +y.
-        central = np.stack([on_array[:, 1] - origin[1], origin[0] - on_array[:, 0]], axis=-1) / spacing[::-1]
-        modelled = central.reshape(pixel.shape) - plane.disparity_per_pitch * step[:, :, None]
+        # The sensor is read out rotated by 180 degrees: columns run towards -x, rows towards +y. (U, V, nodes, 2)
+        sums = [footprints.sums(along) for along in (on_array[:, 1] - origin[1], origin[0] - on_array[:, 0])]
+        central = np.stack(sums, axis=-1) / np.maximum(light, 1e-12)[..., None]
+        central = (central + towards_pixel * np.stack([v, u], axis=-1)[:, :, None]) / spacing[::-1]
+        modelled = central - plane.disparity_per_pitch * step[:, :, None]
         displacement.append(np.stack([row, column], axis=-1) - modelled)
     both = np.stack(linear_in_disparity(planes, np.stack(displacement)))
-    light, lean = _vignetting(camera, offsets, positions)
-    both[1] -= lean * np.array([spacing[0] / spacing[1], 1.0])
-    both[:, (rays.status != 0).reshape(pixel.shape[:3]) | (light == 0)] = np.nan
+    both[:, light == 0] = np.nan
     mean_light = light.mean(axis=-1)
     mean_light[mean_light < _CLEAR * mean_light.max()] = 0.0
     at_axis = -origin[1] / spacing[1], origin[0] / spacing[0]
@@ -221,41 +222,52 @@ def _traced_model(
     return ViewModel(planes, vergence, per_lever, step, series, mean_light, size, (nearest_row, nearest_column))
 
 
-def _vignetting(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats) -> tuple[Floats, Floats]:
-    """Light (U, V, n) of views at n pixels, 1 if all passes, and the shift (U, V, n, 2) of its centre by vignetting.
+class _Footprints(NamedTuple):
+    """Rays from samples of the pixels around n points, and their weights in views.
 
-    The shift is in rows and columns of the raw image. A view reads four pixels with bilinear weights, each over all of
-    its area.
+    A view reads four pixels with bilinear weights, each over all of its area.
     """
+
+    rays: RayBundle
+    mask: Floats
+    """(n, r, c): 1 for rays that pass the lens, 0 for others."""
+    in_row: Floats
+    """(n, V, r): weights of rows of samples, of sum 1."""
+    in_column: Floats
+    """(n, U, c)."""
+
+    def sums(self, values: Floats) -> Floats:
+        """Weighted sums (U, V, n) of values of the rays."""
+        passed = np.where(self.mask > 0, values.reshape(self.mask.shape), 0.0)
+        return np.moveaxis(self.in_row @ passed @ self.in_column.swapaxes(1, 2), (0, 1, 2), (2, 1, 0))
+
+
+def _footprints(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats) -> _Footprints:
+    """Footprints of views at points with positions (n, 4)."""
     array, axes = camera.microlenses, array_axes(camera)
     assert array is not None
     pixel, passed = positions[:, None, :2], positions[:, None, 2:]
-    (down, in_row, row), (right, in_column, column) = (
-        _footprints(offset, pixel[..., axis]) for axis, offset in ((0, offsets[1]), (1, offsets[0]))
+    (in_row, row), (in_column, column) = (
+        _footprint_weights(offset, pixel[..., axis]) for axis, offset in ((0, offsets[1]), (1, offsets[0]))
     )
     at = np.rint(pixel) + np.stack(np.meshgrid(row, column, indexing="ij"), axis=-1).reshape(-1, 2)
     on_array = np.broadcast_to(passed, at.shape).reshape(-1, 2)
     rays = chief_rays(axes, array, at.reshape(-1, 2), on_array, 1, clipping=True)
     mask = (rays.status == 0).reshape(-1, len(row), len(column)).astype(np.float64)
-    light, below, beside = (
-        np.moveaxis(v @ mask @ u.swapaxes(1, 2), (0, 1, 2), (2, 1, 0))
-        for v, u in ((in_row, in_column), (in_row * down, in_column), (in_row, in_column * right))
-    )
-    return light, np.stack([below, beside], axis=-1) / np.maximum(light, 1e-12)[..., None]
+    return _Footprints(rays, mask, in_row, in_column)
 
 
-def _footprints(offsets: Floats, pixel: Floats) -> tuple[Floats, Floats, Floats]:
-    """Distances and weights (n, U, s) of samples in the footprints of views at pixels (n, 1), and their positions (s,).
+def _footprint_weights(offsets: Floats, pixel: Floats) -> tuple[Floats, Floats]:
+    """Weights (n, U, s) of samples in the footprints of views at pixels (n, 1), and their positions (s,).
 
-    Positions are counted from the nearest whole pixel. The weights of a footprint have the sum 1.
+    Positions are counted from the nearest whole pixel. The mean footprint over all fractions of pixels is a quadratic
+    B-spline, whose samples have its mean and variance.
     """
-    whole = np.arange(math.floor(offsets.min()) - 1, math.ceil(offsets.max()) + 2)
+    whole = np.arange(math.floor(offsets.min()) - 2, math.ceil(offsets.max()) + 3)
     samples = (whole[:, None] + (np.arange(_RAYS) + 0.5) / _RAYS - 0.5).ravel()
-    target = (pixel - np.rint(pixel) + offsets)[..., None]
-    base = np.floor(target)
-    index = np.repeat(whole, _RAYS)
-    weight = np.where(index == base, 1.0 + base - target, np.where(index == base + 1, target - base, 0.0)) / _RAYS
-    return samples - target, weight, samples
+    distance = np.abs(samples - (pixel - np.rint(pixel) + offsets)[..., None])
+    weight = np.where(distance < 0.5, 0.75 - distance**2, 0.5 * np.maximum(1.5 - distance, 0.0) ** 2)
+    return weight / _RAYS, samples
 
 
 def _fit(values: Floats, row: NDArray[np.int64], column: NDArray[np.int64], size: tuple[int, int]) -> Floats:

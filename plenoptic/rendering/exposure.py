@@ -160,8 +160,8 @@ class Exposure:
 
         Fewer than 8 pixels, and fewer than a 16th of the lit ones, carry the error; or they are so bright that others
         count as unlit: without one standard error of each pixel, the threshold of lit pixels would fall below 1/2.5 of
-        its value. Or caustics that no path may have met exceed it (`RenderStats.unmet_light`). None without standard
-        error.
+        its value. Or caustics that no path may have met exceed it (`RenderStats.unmet_light`), or fewer than 8 pixels
+        carry it in their presence. None without standard error.
 
         Examples
         --------
@@ -174,7 +174,7 @@ class Exposure:
         True
         """
         unmet = 0.0 if self.stats is None else self.stats.unmet_light
-        return None if self._error is None else self._error.rare or (unmet > 0 and not unmet <= self._error.relative)
+        return None if self._error is None else self._error.rare or self._error.misses(unmet)
 
     @cached_property
     def _error(self) -> ImageError | None:

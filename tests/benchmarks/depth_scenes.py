@@ -56,6 +56,20 @@ def view_camera(name, side=500):
     return design.camera
 
 
+def small_camera():
+    """A double Gauss scaled to 30 mm f/2, with microlenses of 20 um before pixels of 1.4 um, focused at -290 mm."""
+    lens = pl.load_lens("double-gauss-100mm-f2")
+    scale = 30.0 / pl.paraxial.cardinal_points(lens).efl
+    lengths = ("radius", "thickness", "semi_diameter")
+    elements = [
+        dataclasses.replace(e, **{name: scale * getattr(e, name) for name in lengths if hasattr(e, name)})
+        for e in lens.elements
+    ]
+    lens = dataclasses.replace(lens, elements=elements, specification=None)
+    kind, sensor = pl.CameraKind.PLENOPTIC_1, pl.Sensor((600, 600), 0.0014)
+    return pl.design_camera(lens, sensor=sensor, kind=kind, z=-290.0, pitch=0.02, lattice=pl.Lattice.SQUARE).camera
+
+
 def resolved_card(camera, z, seed):
     """Noise that glows, of waves of five microlenses and more, on a plane larger than the field."""
     field = 1.6 * camera.sensor.size[0]

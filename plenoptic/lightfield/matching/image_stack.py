@@ -48,6 +48,10 @@ class ImageStack(NamedTuple):
     """Search range around a plane of disparity d: reach[0] |d| + reach[1]."""
     error_ratio: float = 2.0
     """Ratio of the error of a disparity to that of independent residuals: pixels of interpolated views share noise."""
+    shift_error: float = 0.005
+    """Systematic error of the largest shift between images; for views, from 48 planes before eight lenses."""
+    smooth: bool = True
+    """True for images without texture as fine as their pixels: `refine` then interpolates to fourth order."""
     pitch: float = 1.0
     """Pitch of the microlenses."""
     residual_displacement: Floats | None = None

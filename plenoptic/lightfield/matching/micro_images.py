@@ -39,6 +39,8 @@ _CENTRE_RADIUS = 0.25
 """Distance from the centre of a micro image, in pitches, within which no neighbouring microlens adds light."""
 _ERROR_RATIO = 1.4
 """Ratio of the error of a disparity to that of independent residuals, since neighbouring pixels share their blur."""
+_SHIFT_ERROR = 0.016
+"""Systematic error of the largest shift in pixels; micro images have texture as fine as their pixels."""
 _BLUR_STEP, _BLUR_LEVELS = 0.5, 5
 """Step of the variance of added blur, pixel^2, and the number of steps."""
 
@@ -129,6 +131,8 @@ def micro_images(
         max_shift=_MAX_SHIFT_PITCHES * pitch,
         reach=(_DEPTH_RATIO - 1.0, 0.0),
         error_ratio=_ERROR_RATIO,
+        shift_error=_SHIFT_ERROR,
+        smooth=False,
         pitch=pitch,
     )
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]

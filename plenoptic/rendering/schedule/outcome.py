@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.lost_rays import lost_rays
-from plenoptic.core.relative_error import brightness, image_error, relative_error
+from plenoptic.core.relative_error import brightness, image_error
 from plenoptic.core.warn import warn
 from plenoptic.errors import BudgetWarning
 from plenoptic.optics.lens.analysis.conditioning import Conditioning
@@ -73,7 +73,7 @@ def _reason(progress: Progress, image: Image, errors: Image | None, *, interrupt
     if progress.capped or target is None:
         return StopReason.SAMPLES
     assert errors is not None
-    reached, rare = image_error(image, errors)
+    reached, rare, _ = image_error(image, errors)
     if not (rare or _MISSED_RATIO * target < reached):  # nan if no pixel can be lit
         return StopReason.TARGET_ERROR
     target_text = f"{100 * target:.2g} %"
@@ -117,7 +117,7 @@ def exposure_of(
     rare = rare_light(subject.scene, subject.settings)
     unmet_light = _unmet_light(progress, image, counts, rare, subject.settings.clamp)
     reason = _reason(progress, image, errors, interrupted=interrupted)
-    if rare is not None and errors is not None and not (unmet_light <= relative_error(image, errors) or interrupted):
+    if rare is not None and errors is not None and image_error(image, errors).misses(unmet_light) and not interrupted:
         reason = StopReason.TARGET_MISSED if reason is StopReason.TARGET_ERROR else reason
         warn(
             f"{rare.light} reaches matt surfaces by way of {rare.mesh}, where one ray in {rare.rays:.2g} meets it by "
