@@ -63,7 +63,10 @@ class LensReadings(NamedTuple):
 
 
 class MergedView(NamedTuple):
-    """View (rows, columns, C) from the samples of all views, its variance by noise, and its prediction of lenses."""
+    """View (rows, columns, C) from the samples of all views, its variance by noise, and its prediction of lenses.
+
+    The variance is infinite beside depth edges.
+    """
 
     picture: Floats
     variance: Floats
@@ -129,7 +132,12 @@ def view_renderer(
         )
         assert pixels.variance is not None and lenses.variance is not None
         picture = np.clip(pixels.picture, low, high + OVERSHOOT * (high - low))
-        return MergedView(picture, pixels.variance, lenses.picture[:, 0], lenses.variance[:, 0])
+        # Beside an edge, the disparity of samples with light of both surfaces is unknown.
+        padded = np.pad(pixels.disparity, 1, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+        edge = ~(np.ptp(windows, axis=(-2, -1)) <= depth)
+        noise = np.where(edge[..., None], np.inf, pixels.variance)
+        return MergedView(picture, noise, lenses.picture[:, 0], lenses.variance[:, 0])
 
     return render
 

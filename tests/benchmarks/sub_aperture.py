@@ -67,7 +67,7 @@ def scored(camera, shortest, samples, parts):
     fields, inner = (field, merged[1], by_estimate[1]), np.s_[4:-4, 4:-4]
     off, stated = np.empty((2, 3, len(VIEWS)))
     for k, (u, v) in enumerate(VIEWS):
-        truth = through_pinhole(scene, camera, field, u, v, 16 if samples < 64 else 1024)[inner]
+        truth = through_pinhole(scene, camera, field, u, v, 16 if samples < 64 else 512)[inner]
         for n, one in enumerate(fields):
             off[n, k] = np.nanmean((one.view(u, v)[inner][..., 0] - truth) ** 2)
             stated[n, k] = np.nanmean(one.standard_error[u + 3, v + 3][inner] ** 2)

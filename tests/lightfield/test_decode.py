@@ -178,7 +178,7 @@ def test_interpolation_errors_are_as_large_as_stated():
 
 
 def noise_card(z, size, corner, seed):
-    """A card with 1/f noise, as (quad, its radiance at points (n, 2)): waves from a third of a pixel of views on."""
+    """A card with 1/f noise, as (quad, its radiance at points (n, 2)): waves from half a pixel of a view on."""
     random = np.random.default_rng(seed)
     frequency, angle, phase = np.exp(random.uniform(-3.0, 1.6, 300)), *random.uniform(0, 2 * np.pi, (2, 300))
     wave = 2 * np.pi * frequency * np.array([np.cos(angle), np.sin(angle)])
@@ -194,6 +194,7 @@ def noise_card(z, size, corner, seed):
 
 
 def test_merged_views_show_what_the_lattice_does_not_resolve():
+    """Against means of the texture over pixels, traced; interpolation has 30 dB for both scenes."""
     camera = the_camera((230, 230), pl.LensModel.EXACT, lattice=HEXAGONAL, pitch=0.147)
     white, parts = white_of(camera), 7
     field = decode(white, white, views=7)
@@ -204,7 +205,7 @@ def test_merged_views_show_what_the_lattice_does_not_resolve():
     first = np.rint(shift[::-1]).astype(int) + parts * 3 - parts // 2
     cut = tuple(slice(k, k + parts * (n - 6)) for k, n in zip(first, (rows, columns), strict=True))
     far, near = noise_card(-452.0, 60.0, -30.0, 1), noise_card(-364.0, 30.0, -30.0, 2)
-    for cards, least in (((far,), 40.0), ((far, near), 0.0)):
+    for cards, least in (((far,), 40.0), ((far, near), 33.0)):
         scene = pl.Scene([quad for quad, _ in cards])
         plain = decode(shot := shot_of(scene, camera, 128), white, views=7)
         depth, model = plain.truth(scene, truth=pl.Truth.DEPTH).depth, plain.model
@@ -221,8 +222,7 @@ def test_merged_views_show_what_the_lattice_does_not_resolve():
                 off = views.view(u, v)[3:-3, 3:-3, 0] - expected
                 squares[n] += np.mean(off**2), np.mean(views.standard_error[u + 3, v + 3, 3:-3, 3:-3] ** 2)
         error, stated = np.sqrt(squares / 3).T
-        print(-20 * np.log10(error), error / stated)
-        assert (error < 10 ** (-np.array([0.0, least]) / 20)).all() and error[1] < error[0]
+        assert error[1] < 10 ** (-least / 20)
         assert ((error / stated > 0.8) & (error / stated < 1.25)).all(), error / stated
 
 
