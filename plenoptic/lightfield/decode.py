@@ -15,7 +15,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats, choice, length_in_mm, numbers, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.merged_samples import REMAINDER, LensReadings, MergedView, view_renderer
+from plenoptic.lightfield.merged_samples import LensReadings, MergedView, view_renderer
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
@@ -306,7 +306,7 @@ def _resample_views(
             expected = view.variance + np.maximum(grid.local_mean(misfit), 0.0)
             better = expected < np.where(np.isnan(picture[k]), np.inf, error[k])
             picture[k] = np.where(better, view.picture, picture[k])
-            error[k] = np.where(better, expected + REMAINDER * squared_blur[k], error[k])
+            error[k] = np.where(better, expected, error[k])
         views[u, v], errors[u, v] = picture, np.sqrt(error)
     return views, errors
 

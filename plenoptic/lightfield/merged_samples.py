@@ -25,8 +25,6 @@ _MIN_COVERAGE = 0.5
 """Minimum coverage by the disparity map of a position where its surface is visible."""
 _MIXED_WEIGHT = 0.05
 """Weight of samples with light of two surfaces."""
-REMAINDER = 0.5
-"""Variance of a merged view over the squared blur of its aperture that the fit takes back; measured: 0.4 to 1."""
 
 
 class LensReadings(NamedTuple):
@@ -65,7 +63,10 @@ class LensReadings(NamedTuple):
 
 
 class MergedView(NamedTuple):
-    """View (rows, columns, C) from the samples of all views, its variance by noise, and its prediction of lenses."""
+    """View (rows, columns, C) from the samples of all views, its variance by noise, and its prediction of lenses.
+
+    The variance is infinite beside depth edges.
+    """
 
     picture: Floats
     variance: Floats
@@ -131,7 +132,12 @@ def view_renderer(
         )
         assert pixels.variance is not None and lenses.variance is not None
         picture = np.clip(pixels.picture, low, high + OVERSHOOT * (high - low))
-        return MergedView(picture, pixels.variance, lenses.picture[:, 0], lenses.variance[:, 0])
+        # Beside an edge, the disparity of samples with light of both surfaces is unknown.
+        padded = np.pad(pixels.disparity, 1, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+        edge = ~(np.ptp(windows, axis=(-2, -1)) <= depth)
+        noise = np.where(edge[..., None], np.inf, pixels.variance)
+        return MergedView(picture, noise, lenses.picture[:, 0], lenses.variance[:, 0])
 
     return render
 
@@ -145,17 +151,17 @@ def _visible_disparity(
     """
     grid, d, ones = Grid((0, 0), model.size, 1.0), disparity.ravel(), np.ones(disparity.size)
     pixels = np.stack(np.indices(model.size), axis=-1).reshape(-1, 2).astype(np.float64)
-    seen = model.seen_at(view, model.model_positions(model.centre, pixels, d), d, pixels)
+    in_view = model.seen_at(view, model.model_positions(model.centre, pixels, d), d, pixels)
     variance = _PIXEL * ones
     central = Splats(np.empty(0, np.int64), np.empty((0, 2)), d, d, ones, ones, variance, variance, d[:, None], None)
-    canvas = splat_picture(_sort(central, grid, seen), grid, depth, _MAP_AREA, 1, thread_count(None))
+    canvas = splat_picture(_sort(central, grid, in_view), grid, depth, _MAP_AREA, 1, thread_count(None))
     row, column, weight = corners(position, model.size)
-    around = np.where(canvas.coverage >= _MIN_COVERAGE, canvas.disparity, np.nan)[row, column]
-    nearest = np.take_along_axis(around, weight.argmax(axis=1)[:, None], axis=1)
-    is_surface = np.abs(around - nearest) <= depth
+    corner_disparity = np.where(canvas.coverage >= _MIN_COVERAGE, canvas.disparity, np.nan)[row, column]
+    nearest = np.take_along_axis(corner_disparity, weight.argmax(axis=1)[:, None], axis=1)
+    is_surface = np.abs(corner_disparity - nearest) <= depth
     weight = np.where(is_surface, weight, 0.0)
     with np.errstate(invalid="ignore"):
-        mean = (weight * np.where(is_surface, around, 0.0)).sum(axis=1) / weight.sum(axis=1)
+        mean = (weight * np.where(is_surface, corner_disparity, 0.0)).sum(axis=1) / weight.sum(axis=1)
     return mean, np.where(is_surface.all(axis=1), 1.0, _MIXED_WEIGHT)
 
 
