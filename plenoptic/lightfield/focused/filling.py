@@ -59,7 +59,7 @@ def _ties(light: Floats, axis: int) -> Floats:
     difference = np.linalg.norm(np.diff(light, axis=axis), axis=-1)
     ahead, behind = (np.delete(np.linalg.norm(light, axis=-1), end, axis=axis) for end in (0, -1))
     contrast = difference / np.maximum(0.5 * (ahead + behind), 1e-30) / _CONTRAST
-    return np.nan_to_num(np.maximum(0.5 ** np.minimum(contrast**2, 99.0), _LEAST_WEIGHT), nan=1.0)
+    return np.asarray(np.nan_to_num(np.maximum(0.5 ** np.minimum(contrast**2, 99.0), _LEAST_WEIGHT), nan=1.0))
 
 
 def _least_squares(weight: Floats, right_side: Floats, down: Floats, across: Floats) -> Floats:
