@@ -15,7 +15,7 @@ from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, p
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost, square_grid
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost_finite, square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -53,7 +53,7 @@ def clear_pupil(lens: LensStack, z: float, wavelength: float) -> tuple[float, fl
             return np.where(passed, rays.direction[:, 1] / rays.direction[:, 2], np.nan)
 
     try:
-        (low, low_slope), (high, high_slope) = (outermost(slopes, end, _POINTS) for end in (-INSIDE, INSIDE))
+        (low, low_slope), (high, high_slope) = (outermost_finite(slopes, end, _POINTS) for end in (-INSIDE, INSIDE))
     except InvalidValueError:  # an exit pupil that is infinitely far cannot be aimed at in an ideal model
         return paraxial_cone(lens, z, wavelength).slope, lens.stop.semi_diameter
     return 0.5 * abs(high_slope - low_slope) / INSIDE, min(-low, high) / INSIDE * lens.stop.semi_diameter

@@ -17,7 +17,7 @@ from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
 from plenoptic.optics.lens.elements import with_round_stops
-from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar, outermost
+from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar, outermost_finite
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_part
@@ -170,7 +170,7 @@ def vignetting(
         entire = bool(np.all(light == full))
         fraction[i] = 1.0 if entire else min(float(light.sum()) * cell_share, 1.0)
         error[i] = 0.0 if entire else cell_share * _COUNTING * max(count, 1) ** 0.25
-        lower[i], upper[i] = (outermost(on_diameter, end, _ZOOM)[0] / INSIDE for end in (-INSIDE, INSIDE))
+        lower[i], upper[i] = (outermost_finite(on_diameter, end, _ZOOM)[0] / INSIDE for end in (-INSIDE, INSIDE))
     return Vignetting(radii, fraction, error, lower, upper, z_object)
 
 

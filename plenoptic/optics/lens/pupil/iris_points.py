@@ -84,7 +84,7 @@ def fan(n: int) -> Floats:
     return np.column_stack([np.zeros(whole(n, "n", at_least=2, at_most=MAX_POINTS)), np.linspace(-1.0, 1.0, n)])
 
 
-def outermost(function: Callable[[Floats], Floats], end: float, points: int) -> tuple[float, float]:
+def outermost_finite(function: Callable[[Floats], Floats], end: float, points: int) -> tuple[float, float]:
     """Coordinate from -end to end, nearest to end, at which a function is finite, and its value there; or nan.
 
     Each search looks at some points between the last finite value of the one before and the next point.
