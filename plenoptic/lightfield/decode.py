@@ -178,8 +178,8 @@ def decode(  # noqa: PLR0913
     elif views is not None and not (inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any()):
         fitting = max(inside.any(axis=0).sum(), inside.any(axis=1).sum())
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
-    error = error if has_errors else None
-    return field_of(camera, radiance, error, offsets, grid.origin + origin, grid.spacing, samples)
+    stated = error if has_errors else None
+    return field_of(camera, radiance, stated, offsets, grid.origin + origin, grid.spacing, samples)
 
 
 def _unfocused_array(camera: PlenopticCamera) -> MicrolensArray:
@@ -288,8 +288,8 @@ def _resample_views(
     def images(resampled: Floats) -> Floats:
         return np.moveaxis(resampled.reshape(grid.rows, grid.columns, -1, channels), 2, 0)
 
-    for u in np.flatnonzero(in_own_image.any(axis=1)):
-        v = np.flatnonzero(in_own_image[u])
+    for u in np.flatnonzero(in_own_image.any(axis=1)).tolist():
+        v = np.flatnonzero(in_own_image[u]).tolist()
         radiance, variance = readings.radiance[u, v], readings.variance[u, v]
         blur, blur_variance = np.stack([readings.aperture_blur(u, k) for k in v], axis=1)
         picture, mean_blur, noise, blur_noise = (
@@ -300,8 +300,10 @@ def _resample_views(
         minimum = np.nanmin(radiance, axis=(1, 2), keepdims=True, initial=0.0)[..., None]
         picture, squared_blur = np.maximum(picture, minimum), np.maximum(mean_blur**2 - blur_noise, 0.0)
         error = noise + images(grid.interpolation_variance(columns(radiance), columns(variance))) + squared_blur
-        for k in range(len(v)) if merged is not None else ():
-            view = merged((u, v[k]))
+        for k, index in enumerate(v):
+            if merged is None:
+                break
+            view = merged((u, index))
             misfit = (radiance[k] - blur[k] - view.at_lenses) ** 2 - variance[k] - view.lens_variance
             expected = view.variance + np.maximum(grid.local_mean(misfit), 0.0)
             better = expected < np.where(np.isnan(picture[k]), np.inf, error[k])

@@ -150,7 +150,7 @@ def _visible_disparity(
     `disparity` (rows, columns) is the model's, of the central view.
     """
     grid, d, ones = Grid((0, 0), model.size, 1.0), disparity.ravel(), np.ones(disparity.size)
-    pixels = np.stack(np.indices(model.size), axis=-1).reshape(-1, 2).astype(np.float64)
+    pixels = np.indices(model.size).reshape(2, -1).T.astype(np.float64)
     in_view = model.seen_at(view, model.model_positions(model.centre, pixels, d), d, pixels)
     variance = _PIXEL * ones
     central = Splats(np.empty(0, np.int64), np.empty((0, 2)), d, d, ones, ones, variance, variance, d[:, None], None)
