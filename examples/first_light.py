@@ -108,7 +108,7 @@ camera = pl.PlenopticCamera(
 # The white image is that of a scene of radiance 1: what vignetting and microlenses leave of it. The first run on a
 # machine compiles for some seconds; compiled code is kept for later ones.
 
-shot = pl.render(scene, camera, samples=SAMPLES, truth=pl.Truth.DEPTH)
+shot = pl.render(scene, camera, samples=SAMPLES, truth=pl.Truth.DEPTH | pl.Truth.CHORD_DISPARITY)
 white = pl.render_white(camera, samples=8)
 for name, exposure in (("raw image", shot), ("white image", white)):
     print(f"{name}: relative error {100 * exposure.relative_error:.2f} %, {exposure.stats.seconds:.1f} s")
@@ -118,12 +118,11 @@ for name, exposure in (("raw image", shot), ("white image", white)):
 # ---------------------------
 #
 # Neighbouring microlenses see a point of the scene at different places. This disparity, in pixels, says how to put
-# their images together; ``depth`` finds it. Where there is no texture to find it by, ``fill`` interpolates.
+# their images together. Here it is the true one; ``pl.lightfield.depth(shot, white).disparity`` finds it in the images.
 # Planes to refocus on are in mm of the camera's frame, which looks along -z.
 
 FINE = 0.217 / 8  # mm on the array from pixel to pixel of a picture
-found = pl.lightfield.depth(shot, white, virtual_depth_range=(3.0, 12.0))  # half of the default range, half of the time
-sharp = pl.lightfield.render_view(shot, white, found, fill=True, spacing=FINE)
+sharp = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity, spacing=FINE)
 near, far = (pl.lightfield.render_view(shot, white, z=z, spacing=FINE) for z in (-374.0, -438.0))
 depth = sharp.truth(scene, truth=pl.Truth.DEPTH).depth
 for name, view in (("sharp everywhere", sharp), ("near", near), ("far", far)):

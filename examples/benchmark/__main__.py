@@ -1,4 +1,4 @@
-"""Render scenes through three plenoptic cameras, find their depth and say how good it is.
+"""Render scenes through plenoptic cameras, find their depth and say how good it is.
 
 Packages that are already in the folder are not rendered again; delete them to have them anew.
 """

@@ -1,6 +1,6 @@
-"""The three cameras: ``python examples/benchmark/cameras.py`` writes their files anew, from which the benchmark reads.
+"""The cameras: ``python examples/benchmark/cameras.py`` writes their files anew, from which the benchmark reads.
 
-All look through the same lens at what is some 330 to 450 mm away, at virtual depths of 12 to 2.3 of the focused ones.
+All look at surfaces some 330 to 450 mm away, at virtual depths of 12 to 2.3 of the focused ones.
 """
 
 import dataclasses
@@ -14,15 +14,25 @@ PIXEL = 0.009
 TYPES = (3.0, 4.0, 6.5)  # virtual depths that the three types of microlenses see sharply: no gap between them
 
 
-def designed(side, pixels, **wishes):
+def designed(side, pixels, lens=LENS, **wishes):
     """A camera of so many pixels along each side, and microlenses so many pixels apart."""
-    return pl.design_camera(LENS, sensor=pl.Sensor((side, side), PIXEL), pitch=pixels * PIXEL, **wishes).camera
+    return pl.design_camera(lens, sensor=pl.Sensor((side, side), PIXEL), pitch=pixels * PIXEL, **wishes).camera
 
 
-def views_camera():
+def views_camera(lens=LENS, focal_length=0.75):
     """Plenoptic 1.0: 60 x 60 microlenses focused at infinity over 10 x 10 pixels each; z = -385 mm is in focus."""
     kind, lattice = pl.CameraKind.PLENOPTIC_1, pl.Lattice.SQUARE
-    return designed(600, 10, kind=kind, lattice=lattice, z=-385.0, focal_length=0.75, image_fill=0.95)
+    return designed(600, 10, lens, kind=kind, lattice=lattice, z=-385.0, focal_length=focal_length, image_fill=0.95)
+
+
+def tessar_camera():
+    """The same through a tessar, whose spherical aberration makes disparities some percent less than Gaussian ones."""
+    return views_camera(pl.load_lens("tessar-102mm-f4.5"))
+
+
+def fast_camera():
+    """The same through a fast double Gauss at f/2.7, whose microlenses are shorter for micro images as large."""
+    return views_camera(pl.load_lens("double-gauss-105mm-f1.4"), focal_length=0.3)
 
 
 def focused_camera():
@@ -38,7 +48,13 @@ def three_types_camera():
     return dataclasses.replace(camera, microlenses=dataclasses.replace(camera.microlenses, focal_lengths=lengths))
 
 
-MADE = {"views": views_camera, "focused": focused_camera, "three-types": three_types_camera}
+MADE = {
+    "views": views_camera,
+    "tessar": tessar_camera,
+    "fast": fast_camera,
+    "focused": focused_camera,
+    "three-types": three_types_camera,
+}
 
 
 def load(name, size=1.0):
