@@ -201,7 +201,8 @@ def write_exr(path, data, names, corner, origin, display):
             None,
         ),
         (["X", "Y", "Z"], "holds the channels X, Y, Z; a picture needs", None),
-        (["Y", "RY", "BY"], "holds the channels .*RY.*; a picture needs", None),
+        # OpenImageIO below 3.2 refuses them by itself: they are subsampled.
+        (["Y", "RY", "BY"], "(holds the channels .*RY.*; a picture needs|is damaged: .*subsampling)", None),
         (["position.X", "position.Y", "position.Z", "n.R"], "holds the channels", None),
     ],
 )
