@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.focused.edges import picture_positions
@@ -13,33 +14,36 @@ _CONTRAST, _LEAST_WEIGHT = 0.1, 1e-3
 """Relative difference of radiance at which neighbouring cells are half as tied, and the weight of any others."""
 _CELL_TIE, _PASSES = 1e-3, 3
 """Tie of a pixel to its cell, and the number of times that cells of pixels are found anew."""
-_TOLERANCE, _MAX_STEPS = 1e-5, 2000
+_CELL_TOLERANCE, _TOLERANCE, _MAX_STEPS = 1e-5, 1e-3, 2000
+"""Relative residuals at which cells and pixels, which start from their cells, are solved."""
 
 
-def fill_disparities(rays: PixelRays, disparity: Floats, trust: Floats) -> Floats:
-    """Disparities of the rays (n,), in pitches: those that are nan, interpolated from those that are known.
+def fill_disparities(rays: PixelRays, disparity: Floats, known: NDArray[np.bool_], trust: Floats) -> Floats:
+    """Disparities of the rays (n,), in pitches: those that are not known, interpolated from all that have trust.
 
-    On cells of the picture, as seen from the centre of the pupil, the sum of trust (d - known d)^2 and of tie
+    On cells of the picture, as seen from the centre of the pupil, the sum of trust (d - measured d)^2 and of tie
     (difference of d between neighbouring cells)^2 is least; the tie falls with their difference of radiance. The same
     within each micro image, whose pixels are tied to their cells, too. Weighted least squares: Z. Farbman et al., ACM
     Trans. Graph. 27 (2008), doi:10.1145/1360612.1360666.
     """
-    finite, radiance = np.isfinite(disparity), rays.at(rays.raw.shot) / rays.at(rays.raw.white)
-    trust, filled = np.where(finite, trust, 0.0), np.where(finite, disparity, np.median(disparity[finite]))
+    radiance = rays.at(rays.raw.shot) / rays.at(rays.raw.white)
+    low, high = disparity[known].min(), disparity[known].max()
+    trust, measured = np.where(np.isfinite(disparity), trust, 0.0), np.nan_to_num(disparity)
+    filled = np.where(known, disparity, np.average(measured, weights=trust))
     lens, light = rays.on_image(rays.lens, -1), np.full(rays.raw.shot.shape, np.nan)
     light[rays.row, rays.column] = radiance
     ties = [_ties(light, axis) * (np.diff(lens, axis=axis) == 0) * (np.delete(lens, 0, axis) >= 0) for axis in (0, 1)]
     weight = rays.on_image(trust + _CELL_TIE, 1.0)
     for _ in range(_PASSES):
-        of_cells = _on_cells(rays, filled, trust, radiance)
-        target = rays.on_image(trust * filled + _CELL_TIE * of_cells, 0.0)
-        smooth = rays.at(_least_squares(weight, target, *ties))
-        filled = np.where(finite, disparity, np.clip(smooth, disparity[finite].min(), disparity[finite].max()))
+        of_cells = _on_cells(rays, filled, measured, trust, radiance)
+        target = rays.on_image(trust * measured + _CELL_TIE * of_cells, 0.0)
+        smooth = rays.at(_least_squares(weight, target, *ties, rays.on_image(of_cells, 0.0), _TOLERANCE))
+        filled = np.where(known, disparity, np.clip(smooth, low, high))
     return filled
 
 
-def _on_cells(rays: PixelRays, disparity: Floats, trust: Floats, radiance: Floats) -> Floats:
-    """Disparities of the rays (n,) from those of trust, smooth over the cells of the picture."""
+def _on_cells(rays: PixelRays, disparity: Floats, measured: Floats, trust: Floats, radiance: Floats) -> Floats:
+    """Disparities of the rays (n,) from measured ones, smooth over the cells of the picture in which they lie."""
     spacing = min(rays.array.pitches) / _CELLS_PER_PITCH
     position = np.rint(picture_positions(rays, rays.nearness(disparity), spacing)).astype(np.int64)
     position -= position.min(axis=0)
@@ -47,11 +51,13 @@ def _on_cells(rays: PixelRays, disparity: Floats, trust: Floats, radiance: Float
     cell = position @ (shape[1], 1)
     weight, target, count, *light = (
         np.bincount(cell, values, minlength=int(shape.prod())).reshape(shape)
-        for values in (trust, trust * disparity, np.ones(len(cell)), *radiance.T)
+        for values in (trust, trust * measured, np.ones(len(cell)), *radiance.T)
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = np.stack(light, axis=-1) / count[..., None]
-    return np.asarray(_least_squares(weight, target, _ties(mean, 0), _ties(mean, 1)).ravel()[cell])
+    start = np.full(shape, target.sum() / weight.sum())
+    solution = _least_squares(weight, target, _ties(mean, 0), _ties(mean, 1), start, _CELL_TOLERANCE)
+    return np.asarray(solution.ravel()[cell])
 
 
 def _ties(light: Floats, axis: int) -> Floats:
@@ -62,7 +68,9 @@ def _ties(light: Floats, axis: int) -> Floats:
     return np.asarray(np.nan_to_num(np.maximum(0.5 ** np.minimum(contrast**2, 99.0), _LEAST_WEIGHT), nan=1.0))
 
 
-def _least_squares(weight: Floats, right_side: Floats, down: Floats, across: Floats) -> Floats:
+def _least_squares(
+    weight: Floats, right_side: Floats, down: Floats, across: Floats, start: Floats, tolerance: float
+) -> Floats:
     """Solve weight d - div(ties grad d) = right side by conjugate gradients."""
 
     def apply(d: Floats) -> Floats:
@@ -78,12 +86,11 @@ def _least_squares(weight: Floats, right_side: Floats, down: Floats, across: Flo
     diagonal[1:] += down
     diagonal[:, :-1] += across
     diagonal[:, 1:] += across
-    solution = np.full(weight.shape, right_side.sum() / weight.sum())
-    residual = right_side - apply(solution)
+    solution, residual = start, right_side - apply(start)
     scaled = direction = residual / diagonal
-    square = first = (residual * scaled).sum()
+    square, whole = (residual * scaled).sum(), (right_side**2 / diagonal).sum()
     for _ in range(_MAX_STEPS):
-        if not square > _TOLERANCE**2 * first:
+        if not square > tolerance**2 * whole:
             break
         change = apply(direction)
         step = square / (direction * change).sum()

@@ -42,8 +42,8 @@ _HALF_SIDE = 0.6
 """Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 _FINEST = 0.01
 """Minimum pixel width of a picture, as a fraction of the pitch."""
-_SMALL_ERROR, _LEAST_TRUST = 0.01, 1e-4
-"""Relative standard error up to which disparities count by their confidence alone, and the weight of any others."""
+_LEAST_CONFIDENCE, _SMALL_ERROR = 0.7, 0.01
+"""Relative standard error up to which disparities count by their confidence alone."""
 _PIXELS_PER_PITCH = 6
 """Pixels of a view per pitch."""
 _QUADRATIC, _LINEAR = 6, 3
@@ -232,17 +232,24 @@ def _sample_sets(
     rays: PixelRays, disparity: ArrayLike | DepthMap | None, z: float | None, fill: bool, spacing: float | None
 ) -> list[ViewSamples]:
     """Samples of pixels whose disparity is known, and those of all pixels if unknown ones are to be filled."""
-    trust = np.ones(len(rays.row))
-    if isinstance(disparity, DepthMap):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.nan_to_num(rays.at(disparity.standard_error / disparity.disparity), nan=math.inf)
-        trust = np.nan_to_num(rays.at(disparity.confidence)) / np.maximum(error / _SMALL_ERROR, 1.0) ** 2 + _LEAST_TRUST
-        disparity = disparity.disparity
-    in_pitches, everywhere = _picture_focus(rays, disparity, z)
-    if fill and not everywhere:
-        raise InvalidValueError("fill= needs the disparity of each pixel; a refocused picture has no holes to fill")
-    disparities = [in_pitches, fill_disparities(rays, in_pitches, trust)] if fill else [in_pitches]
-    return [_picture_samples(rays, d, everywhere, spacing) for d in disparities]
+    depth_map = disparity if isinstance(disparity, DepthMap) else None
+    in_pitches, everywhere = _picture_focus(rays, disparity if depth_map is None else depth_map.disparity, z)
+    disparities, width = [in_pitches], _picture_spacing(rays, spacing)
+    if fill:
+        if not everywhere:
+            raise InvalidValueError("fill= needs the disparity of each pixel; a refocused picture has no holes to fill")
+        known, trust = np.isfinite(in_pitches), np.ones(len(in_pitches))
+        if depth_map is not None:
+            error = rays.at(depth_map.standard_error) * in_pitches / rays.at(depth_map.disparity)
+            # The error moves a sample by more than a pixel: its disparity tells no place.
+            uncertainty = rays.nearness(in_pitches - error) - rays.nearness(in_pitches + error)
+            confidence = np.nan_to_num(rays.at(depth_map.confidence))
+            placed = np.abs(uncertainty) <= 2.0 * surface_depth(rays.pupil, width)
+            known &= placed & (confidence >= _LEAST_CONFIDENCE)
+            trust = confidence / np.maximum(error / in_pitches / _SMALL_ERROR, 1.0) ** 2
+        trust = np.where(known & np.isfinite(trust), trust, 0.0)
+        disparities = [np.where(known, in_pitches, np.nan), fill_disparities(rays, in_pitches, known, trust)]
+    return [_picture_samples(rays, d, everywhere, width) for d in disparities]
 
 
 def _render_and_fill(samples: list[ViewSamples], viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
@@ -344,15 +351,21 @@ def _disparities_of_plane(rays: PixelRays, z: float) -> Floats:
     return rays.to_sensor / behind
 
 
-def _picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, pixel_spacing: float | None) -> ViewSamples:
-    """Rays as samples of pictures, see `_picture_focus`; their positions and density depend on the viewpoint."""
-    pupil, raw, pitch = rays.pupil, rays.raw, min(rays.array.pitches)
-    spacing = pitch / _PIXELS_PER_PITCH if pixel_spacing is None else length_in_mm(pixel_spacing, "spacing")
-    if not _FINEST * pitch <= spacing <= pitch:
+def _picture_spacing(rays: PixelRays, spacing: float | None) -> float:
+    """Distance of a picture's pixels in mm."""
+    pitch = min(rays.array.pitches)
+    width = pitch / _PIXELS_PER_PITCH if spacing is None else length_in_mm(spacing, "spacing")
+    if not _FINEST * pitch <= width <= pitch:
         raise InvalidValueError(
-            f"spacing is {spacing:g} mm; it must lie between {_FINEST * pitch:.3g} and the pitch of the microlenses, "
+            f"spacing is {width:g} mm; it must lie between {_FINEST * pitch:.3g} and the pitch of the microlenses, "
             f"{pitch:g}"
         )
+    return width
+
+
+def _picture_samples(rays: PixelRays, disparity: Floats, everywhere: bool, spacing: float) -> ViewSamples:
+    """Rays as samples of pictures, see `_picture_focus`; their positions and density depend on the viewpoint."""
+    pupil, raw, pitch = rays.pupil, rays.raw, min(rays.array.pitches)
     depth, light = surface_depth(pupil, spacing), rays.at(raw.white)
     radiance, weight = rays.at(raw.shot) / light, light.mean(axis=1) / raw.least
     variance = raw.variance_of(radiance, light, rays.at)

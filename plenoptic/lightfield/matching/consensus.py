@@ -14,6 +14,8 @@ from plenoptic.lightfield.matching.micro_images import MicroImages
 _TOLERANCE = 0.03
 """Relative difference, in addition to four standard errors, up to which microlenses agree."""
 
+_EDGE, _CONFIDENCE_AT_EDGES = 0.05, 0.7
+"""Relative difference of disparity at the edge of a surface before another, and the largest confidence beside it."""
 _MIN_ERROR = 0.003
 """Relative error below which the values of a window weigh the same."""
 _BIAS_OVER_SCATTER = 2.5
@@ -45,25 +47,31 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
     covered = np.flatnonzero(owner >= 0)
     result[:, covered] = _weighted_consensus(*(slots[:, k, covered] for k in range(3)))
     value, error, confidence = result.reshape(3, *shape[:2])
-    scatter = _window_variance(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
+    scatter, farthest = _around(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
     excess = np.fmax(scatter - 2.0 * error**2, 0.0)
+    # Surfaces extend beyond their edges by up to the radius of a window.
+    at_edge = farthest > value + _EDGE * np.abs(value)
+    confidence = np.where(at_edge, np.fmin(confidence, _CONFIDENCE_AT_EDGES), confidence)
     return Matches(value, np.sqrt(error**2 + _BIAS_OVER_SCATTER**2 * excess), confidence)
 
 
-def _window_variance(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> Floats:
-    """Mean squared difference (H, W) of a pixel's value from those around it in its micro image, the exact ones most.
+def _around(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> tuple[Floats, Floats]:
+    """Mean squared difference (H, W) of a pixel's value from those in its window, and the largest value near it.
 
-    Windows that show a part of an edge yield smooth, wrong values beside it; the edge itself has the right ones.
+    Both within its micro image. Exact values count most: windows that show a part of an edge yield smooth, wrong values
+    beside it; the edge itself has the right ones. The largest value is searched a pixel farther.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         weights = np.nan_to_num(1.0 / np.maximum(errors, _MIN_ERROR * np.abs(values)) ** 2)
-        total, squares = np.zeros_like(values), np.zeros_like(values)
-        for step in product(range(-radius, radius + 1), repeat=2):
+        total, squares, largest = np.zeros_like(values), np.zeros_like(values), values.copy()
+        for step in product(range(-radius - 1, radius + 2), repeat=2):
             value, weight, lens = (np.roll(plane, step, axis=(0, 1)) for plane in (values, weights, owner))
-            weight = np.where(lens == owner, weight, 0.0)
-            total += weight
-            squares += weight * np.nan_to_num(value - values) ** 2
-        return squares / total
+            own = lens == owner
+            largest = np.fmax(largest, np.where(own, value, np.nan))
+            if max(map(abs, step)) <= radius:
+                total += np.where(own, weight, 0.0)
+                squares += np.where(own, weight, 0.0) * np.nan_to_num(value - values) ** 2
+        return squares / total, largest
 
 
 def _weighted_consensus(values: Floats, errors: Floats, confidences: Floats) -> tuple[Floats, Floats, Floats]:
