@@ -126,6 +126,15 @@ def test_high_confidence_is_right_on_checkerboards(white, v, square):
     assert wrong[sure].mean() <= 0.01
 
 
+def test_high_confidence_is_right_beside_edges(edge, depth_map):
+    """Windows make the nearer surface wider by one or two pixels, all of which were confident (5 %)."""
+    truth = edge.truth.chord_disparity
+    error = np.abs(depth_map.disparity - truth)
+    sure = (depth_map.confidence > 0.95) & np.isfinite(error)
+    wrong = (error > 0.03 * truth) & (error > 3 * depth_map.standard_error)
+    assert sure.sum() > 2000 and wrong[sure].mean() <= 0.01, (sure.sum(), wrong[sure].mean())
+
+
 def test_a_matcher_of_ones_own_takes_the_place_of_the_steps(edge, white, depth_map):
     """The steps in a function give the bits of the default; the true disparity as a match gives the true depth."""
     stacks = []

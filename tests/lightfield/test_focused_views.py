@@ -175,6 +175,18 @@ def test_holes_are_filled_from_the_same_surface(white, hidden):
     assert np.array_equal(field.centre, render_view(shot, white, partly, fill=True).picture)
 
 
+def test_noisy_uniform_surfaces_leave_no_holes(white, hidden):
+    """Matching finds wrong disparities in noise of 15 %, which scattered their pixels: 1.8 % of the view were nan."""
+    _, shot = hidden
+    noise = 0.15 * np.random.default_rng(3).normal(size=shot.image.shape).astype(np.float32)
+    noisy = dataclasses.replace(shot, image=shot.image * (1 + noise), standard_error=0.15 * shot.image)
+    view = render_view(noisy, white, pl.lightfield.depth(noisy, white, progress=False), fill=True)
+    assert np.isfinite(view.picture).all()
+    exact, best = (render_view(part, white, shot.truth.chord_disparity).picture for part in (shot, noisy))
+    # The edges of the square, beside which pixels of both surfaces mix, cost a tenth.
+    assert np.std(view.picture - exact) < 1.2 * np.std(best - exact)
+
+
 def test_one_plane_is_sharp_where_it_is_refocused(hidden, white):
     """The edge of the dark square: as sharp as the samples are, or blurred by the aperture."""
     _, shot = hidden
