@@ -52,6 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except (PlenopticError, OSError) as error:
             print(f"plenoptic {options.command}: {' '.join(str(error).split())}", file=sys.stderr)
             return REFUSED
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            print(f"plenoptic {options.command}: {reason}; please report this error", file=sys.stderr)
+            return REFUSED
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED

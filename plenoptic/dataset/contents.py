@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
 from plenoptic.core.files.serialization import from_tree
 from plenoptic.core.files.zarr_files import EXTRA, read_arrays
 from plenoptic.core.values import file_path, result, whole
@@ -95,20 +95,21 @@ class DataSet:
         """
         name, k = self._camera_name(camera), self._frame_number(number)
         about = self._about(name, k)
-        recorded = about["parts"][0]["arrays"]  # others of its store belong to other frames
-        names = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in recorded)
-        arrays = read_arrays(self._store(name), names, limits, frame=k)
-        counts = arrays.get("sample_counts")
-        if counts is not None and (counts == about["samples"]).all():
-            del arrays["sample_counts"]
-        return Exposure(
-            **fields_of(arrays),
-            **{key: about[key] for key in ("samples", "replicates", "seed")},
-            camera=self._camera(about),
-            settings=from_tree(self.manifest["made_with"]["settings"]),
-            white=False,
-            object_names=self.manifest["object_names"][about["object_names"]] if "object" in arrays else None,
-        )
+        with content_errors(self.path, f"holds no possible frame {k}"):
+            recorded = about["parts"][0]["arrays"]  # others of its store belong to other frames
+            names = tuple(key for key in (*EXPOSURE_NAMES, *CHANNELS) if key in recorded)
+            arrays = read_arrays(self._store(name), names, limits, frame=k)
+            counts = arrays.get("sample_counts")
+            if counts is not None and (counts == about["samples"]).all():
+                del arrays["sample_counts"]
+            return Exposure(
+                **fields_of(arrays),
+                **{key: about[key] for key in ("samples", "replicates", "seed")},
+                camera=self._camera(about),
+                settings=from_tree(self.manifest["made_with"]["settings"]),
+                white=False,
+                object_names=self.manifest["object_names"][about["object_names"]] if "object" in arrays else None,
+            )
 
     def motion(self, number: int, camera: str | None = None, *, limits: FileLimits = DEFAULT) -> MotionTruth:
         """Positions in the next frame of the points that a frame shows, as `motion_truth` found them; parameters as for
@@ -117,8 +118,9 @@ class DataSet:
         name, k = self._camera_name(camera), self._frame_number(number)
         if not self._about(name, k)["motion"]:
             raise InvalidValueError(f"frame {k} of {name!r} has no motion: it is the last one, or none was asked for")
-        arrays = read_arrays(self._store(name), MOTION_NAMES, limits, frame=k)
-        return MotionTruth(*(arrays[key] for key in MOTION_NAMES))
+        with content_errors(self.path, f"holds no possible motion of frame {k}"):
+            arrays = read_arrays(self._store(name), MOTION_NAMES, limits, frame=k)
+            return MotionTruth(*(arrays[key] for key in MOTION_NAMES))
 
     def _camera_name(self, camera: str | None) -> str:
         if camera is None and len(self.cameras) == 1:
@@ -171,11 +173,9 @@ def read(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Dat
     if not path.is_file():
         begun = "is begun and has no manifest yet: call `write` again" if (source / LOG).is_file() else "is no data set"
         raise FileError(f"{str(source)!r} {begun}; `write` makes {MANIFEST} at its end")
-    try:
+    with content_errors(path, "is no manifest of a data set"):
         content = json.loads(read_file(path, limits))
         _check(content)
-    except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        raise FileError(f"{str(path)!r} is no manifest of a data set: {error}; restore it from its origin") from None
     return DataSet(source, MappingProxyType(content))
 
 

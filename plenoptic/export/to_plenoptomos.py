@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.array_files import hdf5
+from plenoptic.core.files.array_files import hdf5, hdf5_array, hdf5_item
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
 from plenoptic.core.values import file_path
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import lens_rows
 from plenoptic.lightfield.raw_arrays import crop_in_white_image
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -159,22 +159,23 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
     """
     target = file_path(path)
     content = read_file(target, limits)
-    try:
-        with hdf5().File(io.BytesIO(content), "r") as opened:
-            if opened.attrs.get("description") not in ("VoxelDataFormat", b"VoxelDataFormat"):
-                raise ValueError("its description is not VoxelDataFormat")
-            white, dark = (
-                opened[f"data/{name}"][()] if f"data/{name}" in opened else None for name in ("white", "dark")
-            )
-            numbers: dict[str, Any] = {}
+    with content_errors(target, "is no .vox file"), hdf5().File(io.BytesIO(content), "r") as opened:
+        if opened.attrs.get("description") not in ("VoxelDataFormat", b"VoxelDataFormat"):
+            raise ValueError("its description is not VoxelDataFormat")
+        image, white, dark = (
+            hdf5_array(opened, f"data/{name}", len(content), limits)
+            if name == "image" or f"data/{name}" in opened
+            else None
+            for name in ("image", "white", "dark")
+        )
+        camera, numbers = hdf5_item(opened, "instrument/camera"), dict[str, Any]()
 
-            def note(name: str, item: Any) -> None:
-                if hasattr(item, "dtype") and item.dtype.kind in "iuf":
-                    value = item[()]
-                    numbers[name] = value if np.ndim(value) else float(value)
+        def note(name: str, item: Any) -> None:
+            if hasattr(item, "dtype") and item.dtype.kind in "iuf":
+                value = hdf5_array(camera, name, len(content), limits)
+                numbers[name] = value if value.ndim else float(value)
 
-            opened["instrument/camera"].visititems(note)
-            image, mode = opened["data/image"][()], opened["data/image"].attrs["mode"]
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
-        raise FileError(f"{str(target)!r} is no .vox file: {error}") from None
-    return VoxFile(image, white, dark, mode.decode() if isinstance(mode, bytes) else str(mode), numbers)
+        camera.visititems(note)
+        mode = opened["data/image"].attrs["mode"]
+        assert image is not None
+        return VoxFile(image, white, dark, mode.decode() if isinstance(mode, bytes) else str(mode), numbers)

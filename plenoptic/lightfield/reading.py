@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import Encoding
 from plenoptic.core.files.codes import ALPHA
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, content_errors, read_file
 from plenoptic.core.files.float_maps import read_pfm
 from plenoptic.core.files.images import read_header, read_linear
 from plenoptic.core.values import file_path, whole
@@ -72,17 +72,13 @@ def read_hci(folder: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     """
     source = file_path(folder)
     path = source / "parameters.cfg"
-    parser = configparser.ConfigParser()
-    try:
+    parser = configparser.ConfigParser(interpolation=None)
+    with content_errors(path, "cannot be understood"):
         parser.read_string(read_file(path, limits).decode("utf-8"))
         inner, outer = parser["intrinsics"], parser["extrinsics"]
         across, down = int(outer["num_cams_x"]), int(outer["num_cams_y"])
         focus, baseline = 1e3 * float(outer["focus_distance_m"]), float(outer["baseline_mm"])
         sensor, focal_length = float(inner["sensor_size_mm"]), float(inner["focal_length_mm"])
-    except (configparser.Error, KeyError, ValueError) as error:
-        raise FileError(
-            f"{str(path)!r} cannot be understood: {error}; give a scene's folder of the benchmark"
-        ) from None
     if not (across > 0 and down > 0 and across * down <= _MAX_VIEWS and min(focus, focal_length, sensor) > 0):
         raise FileError(f"{str(path)!r} holds {across} x {down} cameras at {focus:g} mm, which cannot be")
     files = [source / f"input_Cam{number:03d}.png" for number in range(across * down)]
@@ -265,10 +261,8 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
 
     target = file_path(path)
     content = read_file(target, limits)
-    try:
+    with content_errors(target, "holds no light field LF that can be read"):
         array = matlab_array(content, "LF", limits)
-    except (KeyError, ValueError) as error:
-        raise FileError(f"{str(target)!r} holds no light field LF that can be read: {error}") from None
     if array.ndim == 4:
         array = array[..., np.newaxis]
     if array.ndim != 5 or array.dtype.kind not in "uf" or array.shape[4] not in (1, 3, 4):

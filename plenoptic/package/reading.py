@@ -21,11 +21,11 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres
 from plenoptic.core.files.array_files import read_npz
 from plenoptic.core.files.atomic_file import translate_errors, write_file
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, content_errors, read_file
 from plenoptic.core.files.serialization import load_value
 from plenoptic.core.files.text_lines import csv_text
 from plenoptic.core.values import file_path, result
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import FileError
 from plenoptic.package.calibration import CalibrationPoints
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
@@ -36,6 +36,8 @@ PROVENANCE_FORMAT = "plenoptic-package-1"
 _NAME = re.compile(r"[a-z0-9_.-]+\.(exr|tif|json|npz|csv)")
 """How files of a package are named: nothing else is looked at."""
 _MOST_FILES = 200
+_TEXT_EXPANSION = 32
+"""Size of a text over its packed size, at most: tables of numbers have some 3, descriptions of cameras 10."""
 
 
 @result
@@ -112,36 +114,37 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     See `write`.
     """
     source = file_path(path)
-    if source.is_dir():
-        return _read(source, limits)
-    check_file(source, limits)
-    with _unpack(source, limits) as folder:
-        try:
-            return _read(folder, limits)
-        except FileError as error:
-            # The folder is gone when the message is read.
-            raise FileError(str(error).replace(repr(str(folder))[1:-1], repr(str(source))[1:-1])) from None
+    with content_errors(source, "is no package that can be read"):
+        if source.is_dir():
+            return _read(source, limits)
+        check_file(source, limits)
+        with _unpack(source, limits) as folder:
+            try:
+                return _read(folder, limits)
+            except FileError as error:
+                # The folder is gone when the message is read.
+                raise FileError(str(error).replace(repr(str(folder))[1:-1], repr(str(source))[1:-1])) from None
 
 
 @contextmanager
 def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, translate_errors(source, "read"):
-        try:
-            with zipfile.ZipFile(source) as archive:
-                entries = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]
-                room = allowed_memory(source.stat().st_size, limits)
-                for entry in entries:
-                    with archive.open(entry) as packed:
-                        content = packed.read(min(limits.file_size, room) + 1)
-                    room -= len(content)
-                    if len(content) > limits.file_size or room < 0:
-                        raise FileError(
-                            f"{str(source)!r} holds {entry.filename} and more than may be unpacked; if you trust it, "
-                            "give limits=pl.images.FileLimits(file_size=..., memory=...)"
-                        )
-                    write_file(Path(folder, entry.filename), content)
-        except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError) as error:
-            raise FileError(f"{str(source)!r} is no zip file of a package: {error}") from None
+        with zipfile.ZipFile(source) as archive:
+            entries = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]
+            room = allowed_memory(source.stat().st_size, limits)
+            for entry in entries:
+                is_text = entry.filename.endswith((".csv", ".json"))
+                most = max(_TEXT_EXPANSION * entry.compress_size, 1 << 20) if is_text else limits.file_size
+                most = min(most, limits.file_size, room)
+                with archive.open(entry) as packed:
+                    content = packed.read(most + 1)
+                room -= len(content)
+                if len(content) > most:
+                    raise FileError(
+                        f"{str(source)!r} holds {entry.filename} and more than may be unpacked; if you trust it, "
+                        "unpack it, or give limits=pl.images.FileLimits(file_size=..., memory=...)"
+                    )
+                write_file(Path(folder, entry.filename), content)
         yield Path(folder)
 
 
@@ -183,10 +186,8 @@ def _provenance(folder: Path, limits: FileLimits) -> dict[str, Any]:
     path = folder / PROVENANCE
     if not path.is_file():
         raise FileError(f"{str(folder)!r} is no package: it holds no {PROVENANCE}; give the folder that write made")
-    try:
+    with content_errors(path, "is not JSON"):
         provenance = json.loads(read_file(path, limits))
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{str(path)!r} is not JSON: {error}; {str(folder)!r} is no package") from None
     if not isinstance(provenance, dict) or provenance.get("format") != PROVENANCE_FORMAT:
         raise FileError(f"{str(path)!r} has another format than {PROVENANCE_FORMAT!r}; perhaps a later version's")
     files = provenance.get("files")
@@ -202,11 +203,8 @@ def _raw(path: Path, camera: PlenopticCamera | None, limits: FileLimits) -> RawI
 
 
 def _truth(path: Path, limits: FileLimits) -> GroundTruth:
-    arrays = {name: array for name, array in read_npz(path, limits).items() if name in CHANNELS}
-    try:
-        return GroundTruth(**arrays)
-    except InvalidValueError as error:
-        raise FileError(f"{str(path)!r} holds no possible ground truth: {error}") from None
+    with content_errors(path, "holds no possible ground truth"):
+        return GroundTruth(**{name: array for name, array in read_npz(path, limits).items() if name in CHANNELS})
 
 
 def centre_arrays(centres: Mapping[CentreMethod, MicrolensCentres]) -> dict[str, Any]:

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.display import picture_of
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors
 from plenoptic.core.relative_error import ImageError, image_error
 from plenoptic.core.values import Floats, Given, check_kind, file_path, frozen_array, seed_number, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.crop import checked_region, samples_text
-from plenoptic.rendering.exposure_metadata import checked_seed, impossible_as_file_error, metadata_of
+from plenoptic.rendering.exposure_metadata import checked_seed, metadata_of
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
 from plenoptic.truth.channels import GroundTruth
@@ -296,7 +296,7 @@ class Exposure:
         from plenoptic.rendering import exposure_files
 
         stored = file_path(path).suffix.lower() == ".zarr"
-        with impossible_as_file_error(path):
+        with content_errors(os.fspath(path), "holds no possible exposure"):
             return cls(**(exposure_files.fields_of_store if stored else exposure_files.fields_of_image)(path, limits))
 
     def to_xarray(self) -> xarray.Dataset:

@@ -18,7 +18,7 @@ from plenoptic.core.files import images
 from plenoptic.core.files.atomic_file import check_folder, check_replaceable, real_path, replace_folder
 from plenoptic.core.files.codes import COLOR_SPACE, brightest, codes
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.file_limits import FileLimits
+from plenoptic.core.files.file_limits import FileLimits, content_errors
 from plenoptic.core.files.serialization import describe, fields_from_metadata, fields_to_metadata, restore
 from plenoptic.core.files.zarr_files import (
     ANY_SIZE,
@@ -44,7 +44,6 @@ from plenoptic.rendering.exposure_metadata import (
     ExposureMetadata,
     checked_metadata,
     fields_of,
-    impossible_as_file_error,
     pixels_of,
 )
 from plenoptic.truth.channels import CHANNELS, Truth, channels_of
@@ -210,7 +209,7 @@ def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
     shape, names, picture, metadata = images.read_header(path)
     planes = {"standard_error": [f"error.{name}" for name in CHANNEL_NAMES[len(picture)]], "sample_counts": [_SAMPLES]}
     arrays = ["image", *(array for array, needed in planes.items() if {*needed} <= {*names}), *stored_truth(names)]
-    with impossible_as_file_error(path):
+    with content_errors(os.fspath(path), "holds no possible exposure"):
         return checked_metadata((*shape, len(picture)), arrays, fields_from_metadata(metadata, FACTS))
 
 
@@ -244,7 +243,7 @@ def metadata_of_store(path: str | os.PathLike[str]) -> ExposureMetadata:
     """Metadata of the exposure in a store."""
     texts = _attributes(path)
     shapes = array_shapes(path, (*EXPOSURE_NAMES, *CHANNELS))
-    with impossible_as_file_error(path):
+    with content_errors(os.fspath(path), "holds no possible exposure"):
         return checked_metadata(shapes.get("image", ()), shapes, fields_from_metadata(texts, FACTS))
 
 
@@ -252,7 +251,7 @@ def rows_of_store(path: str | os.PathLike[str], metadata: ExposureMetadata, firs
     """Some rows of the exposure in a store of this metadata, of any size, without region."""
     from plenoptic.rendering.exposure import Exposure  # knows this module
 
-    with impossible_as_file_error(path):
+    with content_errors(os.fspath(path), "holds no possible exposure"):
         return Exposure(**fields_of(_read(path, ANY_SIZE, slice(first, end))), samples=metadata.samples)
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import seed_number
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.crop import checked_region, region_text
 from plenoptic.rendering.settings import RenderSettings
 from plenoptic.rendering.stats import RenderStats, StopReason
@@ -108,15 +107,6 @@ def checked_seed(seed: int | Sequence[int]) -> int | tuple[int, ...]:
             raise InvalidValueError(f"seed is {seed!r}; it must be a number, or two different ones or more")
         return tuple(seeds)
     return seed_number(cast(int, seed))
-
-
-@contextmanager
-def impossible_as_file_error(path: Any) -> Iterator[None]:
-    """Context manager that turns InvalidValueError into FileError with the path of a file without valid exposure."""
-    try:
-        yield
-    except InvalidValueError as error:
-        raise FileError(f"{str(path)!r} holds no possible exposure: {error}") from error
 
 
 def pixels_of(exposure: Exposure) -> dict[str, NDArray[Any]]:

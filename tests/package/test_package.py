@@ -163,7 +163,7 @@ def test_zip_files_cannot_reach_out(written, tmp_path):
     with pytest.raises(FileError, match=f"^{re.escape(repr(str(tmp_path / 'changed.zip' / 'camera.json')))} has been"):
         pl.package.read(tmp_path / "changed.zip")
     (tmp_path / "c.zip").write_bytes(b"PK\3\4 no zip")
-    with pytest.raises(FileError, match="is no zip file of a package"):
+    with pytest.raises(FileError, match="is no package that can be read: File is not a zip file"):
         pl.package.read(tmp_path / "c.zip")
 
 

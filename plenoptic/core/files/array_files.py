@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.extras import extra_package
-from plenoptic.core.files.file_limits import FileLimits, allowed_memory, check_memory, read_file
-from plenoptic.errors import FileError
+from plenoptic.core.files.file_limits import FileLimits, allowed_memory, check_memory, content_errors, read_file
 
 _HEADER = 512
 """Bytes before HDF5's own."""
+_FILTERS = {1, 2, 3, 32000}
+"""Filters of HDF5 that are read: deflate, shuffle, checksum, LZF. Others would be loaded as plug-ins."""
 _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
@@ -38,15 +39,12 @@ def write_npz(path: Path, arrays: Mapping[str, Any]) -> None:
 def read_npz(path: Path, limits: FileLimits) -> Mapping[str, NDArray[Any]]:
     """The arrays of an NPZ file, which may claim to be of any size; FileError if it cannot be read."""
     content = read_file(path, limits)
-    try:
+    with content_errors(path):
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             memory = sum(entry.file_size for entry in archive.infolist())
-        if memory > allowed_memory(len(content), limits):
-            raise ValueError(f"it would take {memory} bytes; give limits=pl.images.FileLimits(memory={memory})")
+        check_memory(memory, repr(str(path)), len(content), limits)
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, MemoryError, KeyError, zipfile.BadZipFile, RuntimeError) as error:
-        raise FileError(f"{str(path)!r} cannot be read: {error}; restore it from its origin") from None
 
 
 def matlab_7_3(content: Mapping[str, Any]) -> bytes:
@@ -79,18 +77,43 @@ def _put(group: Any, name: str, value: Any) -> None:
 
 
 def matlab_array(content: bytes, name: str, limits: FileLimits) -> NDArray[Any]:
-    """A numeric array of a .mat file; KeyError if it has none of that name, ValueError if it cannot be read."""
+    """A numeric array of a .mat file; errors of many kinds if it has none of that name, or cannot be read."""
     is_older = content.startswith(b"MATLAB 5.0 MAT-file")
     if not is_older and content[_HEADER : _HEADER + 8] != b"\x89HDF\r\n\x1a\n":
         raise ValueError("it is no .mat file of version 5, 7 or 7.3")
-    try:
-        if is_older:
-            return _matlab_5_array(content, name, limits)
-        with hdf5().File(io.BytesIO(content), "r") as opened:
-            check_memory(opened[name].nbytes, f"its array {name}", len(content), limits)
-            return np.asarray(opened[name][()]).T
-    except (OSError, TypeError, AttributeError, IndexError, RuntimeError, MemoryError, zlib.error) as error:
-        raise ValueError(str(error)) from None
+    if is_older:
+        return _matlab_5_array(content, name, limits)
+    with hdf5().File(io.BytesIO(content), "r") as opened:
+        return hdf5_array(opened, name, len(content), limits).T
+
+
+def hdf5_item(group: Any, name: str) -> Any:
+    """The group or dataset at a path in a group of an HDF5 file; ValueError without it, or for a link to it."""
+    module, item = hdf5(), group
+    for part in name.split("/"):
+        link = item.get(part, getlink=True) if isinstance(item, module.Group) else None
+        if not isinstance(link, module.HardLink):
+            raise ValueError(f"it has no {name}" if link is None else f"its {name} is a link")
+        item = item[part]
+    return item
+
+
+def hdf5_array(group: Any, name: str, size: int, limits: FileLimits) -> NDArray[Any]:
+    """The numbers at a path in a group of an HDF5 file of `size` bytes, weighed before they are read.
+
+    ValueError if they do not lie in the file itself: links, external storage and virtual datasets reach other files.
+    """
+    module, item = hdf5(), hdf5_item(group, name)
+    if not isinstance(item, module.Dataset) or item.dtype.kind not in "biuf":
+        raise ValueError(f"{name} is no array of numbers")
+    creation = item.id.get_create_plist()
+    if creation.get_external_count() or creation.get_layout() == module.h5d.VIRTUAL:
+        raise ValueError(f"{name} is stored in other files")
+    if unknown := {creation.get_filter(k)[0] for k in range(creation.get_nfilters())} - _FILTERS:
+        raise ValueError(f"{name} is packed by the filter {min(unknown)}, which is not read here")
+    numbers = max(math.prod(item.shape or ()), math.prod(item.chunks or ()))
+    check_memory(numbers * item.dtype.itemsize, f"its array {name}", size, limits)
+    return np.asarray(item[()])
 
 
 def _matlab_5_array(content: bytes, name: str, limits: FileLimits) -> NDArray[Any]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from plenoptic.core.files.atomic_file import file_exists, translate_errors
 from plenoptic.core.values import Given, file_path, set_field, value, whole
@@ -104,6 +107,27 @@ def check_memory(nbytes: int, what: str, size: int, limits: FileLimits) -> None:
             f"{what} would take {nbytes} bytes of memory, while files of {size} bytes may take {allowed}; if you trust "
             f"them, give limits=pl.images.FileLimits(memory={nbytes})"
         )
+
+
+@contextmanager
+def content_errors(path: Any, what: str = "cannot be read") -> Iterator[None]:
+    """Context manager that turns all errors of content that may be damaged into FileError.
+
+    The message begins with the path, as the user gave it, and `what`.
+    """
+    try:
+        yield
+    except (ImportError, Warning):
+        raise
+    except FileError as error:
+        if str(path) in str(error):
+            raise
+        raise FileError(f"{str(path)!r} {what}: {error}") from error
+    except Exception as error:
+        reason = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        reason = reason or type(error).__name__
+        reason = "it takes more memory than there is" if isinstance(error, MemoryError) else reason
+        raise FileError(f"{str(path)!r} {what}: {reason:.400}; restore it from its origin") from error
 
 
 def check_scans(content: bytes, what: str) -> None:

@@ -30,7 +30,7 @@ import numpy as np
 
 from plenoptic import __version__
 from plenoptic.core.files.atomic_file import write_json
-from plenoptic.core.files.file_limits import DEFAULT, FileLimits, read_file
+from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
 from plenoptic.core.values import file_path
 from plenoptic.errors import FileError, InvalidValueError
 
@@ -56,9 +56,9 @@ def restore(text: str) -> Any:
     """The value of a text made by `describe`; FileError for a name that is not public or an invalid value."""
     try:
         return from_tree(json.loads(text))
-    except FileError:
+    except (FileError, Warning):
         raise
-    except (ValueError, RecursionError) as error:
+    except Exception as error:
         raise _unreadable(error) from error
 
 
@@ -66,7 +66,9 @@ def from_tree(tree: Any) -> Any:
     """The value of a tree made by `to_tree`."""
     try:
         return _from_tree(tree)
-    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
+    except (FileError, Warning):
+        raise
+    except Exception as error:  # of NumPy and of any constructor
         raise _unreadable(error) from error
 
 
@@ -238,14 +240,10 @@ def load_value(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     See `save_value`.
     """
     source = file_path(path)
-    try:
+    with content_errors(source, "is not JSON"):
         content = json.loads(read_file(source, limits))
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"{str(source)!r} is not JSON: {error}; give a file that save_value wrote") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT or "value" not in content:
         file_format = content.get("format") if isinstance(content, dict) else None
         raise FileError(f"{str(source)!r} has format {file_format!r:.40}; it must be {FORMAT!r}, with a value")
-    try:
+    with content_errors(source, "holds no possible value"):
         return from_tree(content["value"])
-    except FileError as error:
-        raise FileError(f"{str(source)!r}: {error}") from None

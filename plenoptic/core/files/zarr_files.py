@@ -37,8 +37,10 @@ _LEVEL = 3
 """Compression level of zstd: higher ones hardly shrink images."""
 METADATA = "zarr.json"
 """Metadata file of a store, by which a folder is recognised as one."""
-_CODECS = {"bytes", "transpose", "blosc", "zstd", "gzip", "crc32c"}
-"""Codecs accepted on reading: those of the format itself."""
+_CODECS, _COMPRESSORS = {"bytes", "transpose", "crc32c"}, {"blosc", "zstd"}
+"""Codecs accepted on reading: those whose chunks begin with their size, at most one of the latter."""
+_MANY_CHUNKS, _SMALL_CHUNK = 4096, 1024
+"""Number of chunks that may be small, and the numbers of a small one: each takes a tenth of a millisecond."""
 ANY_SIZE = FileLimits(file_size=1 << 62)
 """Limits for stores of which a part is read."""
 _AT_ONCE = 10
@@ -311,27 +313,48 @@ def read_arrays(
     size, nbytes = sum(_size(part, limits) for part in parts), 0
     with translate_zarr_errors(folder, "read"):
         for name, array in arrays.items():
-            codecs = {codec["name"] for codec in array.metadata.to_dict()["codecs"]}
-            if not codecs <= _CODECS or array.dtype.kind not in "biuf":
-                raise FileError(
-                    f"{str(folder / name)!r} is packed by {', '.join(sorted(codecs))}; that is not read here"
-                )
+            codecs = [codec["name"] for codec in array.metadata.to_dict()["codecs"]]
+            packed = [codec for codec in codecs if codec not in _CODECS]
+            if len(packed) > 1 or not {*packed} <= _COMPRESSORS or array.dtype.kind not in "biuf":
+                raise FileError(f"{str(folder / name)!r} is packed by {', '.join(codecs)}; that is not read here")
             first = len(range(*rows.indices(array.shape[0]))) if frame is None else 1
             numbers = first * math.prod(array.shape[1:]) + math.prod(array.chunks) * _AT_ONCE
             nbytes += numbers * array.dtype.itemsize
         check_memory(2 * nbytes, repr(str(folder)), size, limits)  # an exposure copies its arrays
-        if frame is not None:
-            for name, array in arrays.items():
-                _check_chunks(folder / name, array, frame)
+        for name, array in arrays.items():
+            _check_chunks(folder / name, array, frame)
         return {name: np.asarray(array[rows if frame is None else frame]) for name, array in arrays.items()}
 
 
-def _check_chunks(folder: Path, array: Any, frame: int) -> None:
-    """Raise an error if a chunk of a frame is missing: zarr would silently fill it with nan."""
-    for index in np.ndindex(*(-(-n // chunk) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True))):
-        key = array.metadata.encode_chunk_key((frame, *index))
-        if not (folder / key).is_file():
-            raise FileError(f"{str(folder / key)!r} is missing; restore it, or call `dataset.write` to render it again")
+def _check_chunks(folder: Path, array: Any, frame: int | None) -> None:
+    """Raise an error if chunks are too many, or one claims to be larger than the array says.
+
+    Also if a chunk of a frame is missing: zarr would silently fill it with nan.
+    """
+    counts = [-(-n // chunk) for n, chunk in zip(array.shape, array.chunks, strict=True)]
+    counts = counts if frame is None else counts[1:]
+    if math.prod(counts) > max(_MANY_CHUNKS, math.prod(array.shape) // _SMALL_CHUNK):
+        raise FileError(f"{str(folder)!r} has {math.prod(counts)} chunks, which are too small; save it in larger ones")
+    largest = math.prod(array.chunks) * array.dtype.itemsize
+    for index in np.ndindex(*counts):
+        path = folder / array.metadata.encode_chunk_key(index if frame is None else (frame, *index))
+        if path.is_file():
+            with open(path, "rb") as file:
+                size = _unpacked_size(file.read(18))
+            if size > largest:
+                raise FileError(f"{str(path)!r} holds {size} bytes where {largest} belong; restore it from its origin")
+        elif frame is not None:
+            raise FileError(f"{str(path)!r} is missing; restore it, or call `dataset.write` to render it again")
+
+
+def _unpacked_size(head: bytes) -> int:
+    """Size of a chunk by its first bytes: zstd's frame header (RFC 8878), else Blosc's; 0 if too short."""
+    if not head.startswith(b"\x28\xb5\x2f\xfd"):
+        return int.from_bytes(head[4:8], "little")
+    flags = head[4]
+    begin = 6 - (flags >> 5 & 1) + (0, 1, 2, 4)[flags & 3]
+    length = (flags >> 5 & 1, 2, 4, 8)[flags >> 6]
+    return int.from_bytes(head[begin : begin + length], "little") + 256 * (length == 2) if length else 1 << 62
 
 
 def _open_group(folder: Path, *, mode: str = "r") -> tuple[Any, dict[str, Any]]:
