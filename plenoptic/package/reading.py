@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import re
-import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -20,7 +19,7 @@ import numpy as np
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres
 from plenoptic.core.files.array_files import read_npz
-from plenoptic.core.files.atomic_file import translate_errors, write_file
+from plenoptic.core.files.atomic_file import recover_folder, temporary_folder, translate_errors, write_file
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, allowed_memory, check_file, content_errors, read_file
 from plenoptic.core.files.serialization import load_value
 from plenoptic.core.files.text_lines import csv_text
@@ -115,6 +114,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
     """
     source = file_path(path)
     with content_errors(source, "is no package that can be read"):
+        recover_folder(source)
         if source.is_dir():
             return _read(source, limits)
         check_file(source, limits)
@@ -128,7 +128,7 @@ def read(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> Packa
 
 @contextmanager
 def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="plenoptic-") as folder, translate_errors(source, "read"):
+    with temporary_folder() as folder, translate_errors(source, "read"):
         with zipfile.ZipFile(source) as archive:
             entries = [entry for entry in archive.infolist() if _NAME.fullmatch(entry.filename)][:_MOST_FILES]
             room = allowed_memory(source.stat().st_size, limits)
@@ -144,8 +144,8 @@ def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
                         f"{str(source)!r} holds {entry.filename} and more than may be unpacked; if you trust it, "
                         "unpack it, or give limits=pl.images.FileLimits(file_size=..., memory=...)"
                     )
-                write_file(Path(folder, entry.filename), content)
-        yield Path(folder)
+                write_file(folder / entry.filename, content)
+        yield folder
 
 
 def _read(folder: Path, limits: FileLimits) -> Package:

@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 import os
 import platform
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files import images
 from plenoptic.core.files.array_files import write_npz
-from plenoptic.core.files.atomic_file import replace_file, replace_folder, write_file, write_json
+from plenoptic.core.files.atomic_file import replace_file, replace_folder, temporary_folder, write_file, write_json
 from plenoptic.core.files.serialization import save_value
 from plenoptic.core.values import check_kind, file_path, seed_number
 from plenoptic.errors import FileError, InvalidValueError
@@ -105,8 +104,7 @@ def write(
     check_kind(model, "sensor", SensorModel, "pl.SensorModel(photon_rate=1e6)")
     zipped = target.suffix.lower() == ".zip"
     _check_replaceable(target, zipped=zipped)
-    with tempfile.TemporaryDirectory() if zipped else replace_folder(target) as location:
-        folder = Path(location)
+    with temporary_folder() if zipped else replace_folder(target) as folder:
         _write_images(folder, exposure, white, tuple(other_whites), model, seed)
         _write_camera(folder, camera)
         if listed := targets_of(targets):

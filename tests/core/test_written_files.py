@@ -5,15 +5,17 @@ import itertools
 import os
 import subprocess
 import sys
+import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.files import images
-from plenoptic.core.files.atomic_file import replace_folder, write_file
+from plenoptic.core.files import atomic_file, images
+from plenoptic.core.files.atomic_file import recover_folder, replace_folder, temporary_folder, write_file
 
 HARNESS = Path(__file__).with_name("kinds_of_saves.py")
 FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -114,7 +116,76 @@ def test_a_folder_that_cannot_be_replaced_stays(tmp_path, monkeypatch, error):
         replace(source, destination)
 
     monkeypatch.setattr(os, "replace", fail_for_new)
+    monkeypatch.setattr(atomic_file, "_exchange", lambda new, target: False)  # a system that cannot
     with pytest.raises((pl.errors.FileError, KeyboardInterrupt)), replace_folder(target) as folder:
         (folder / "data").write_text("new", encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
     assert (target / "data").read_text(encoding="utf-8") == "old"
+
+
+KILLED = """
+import os, sys
+from plenoptic.core.files import atomic_file
+replace, target = os.replace, sys.argv[1]
+calls = []
+def killed(source, destination):
+    calls.append(source)
+    if len(calls) == int(sys.argv[2]):
+        os._exit(9)
+    replace(source, destination)
+atomic_file._exchange = lambda new, target: False
+with atomic_file.replace_folder(target) as folder:
+    (folder / "data").write_text("new")
+    os.replace = killed
+"""
+
+
+def test_a_folder_whose_writer_was_killed_between_two_names_is_found(tmp_path):
+    """Where the system cannot exchange them; while the writer lives, its copy stays where it is."""
+    target = tmp_path / "store"
+    for step in (1, 2):
+        target.mkdir(exist_ok=True)
+        (target / "data").write_text("old", encoding="utf-8")
+        done = subprocess.run([sys.executable, "-c", KILLED, str(target), str(step)], check=False)
+        assert done.returncode == 9 and target.exists() == (step == 1)
+        if step == 2:
+            (left,) = tmp_path.glob(".*.part")
+            with atomic_file.lock_path(left):
+                recover_folder(target)
+                assert not target.exists()
+        recover_folder(target)
+        assert (target / "data").read_text(encoding="utf-8") == "old"
+    with replace_folder(target) as folder:
+        (folder / "data").write_text("new", encoding="utf-8")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="renameat2 is a call of Linux")
+def test_readers_of_a_folder_that_is_replaced_always_find_it(tmp_path):
+    target = tmp_path / "store"
+    target.mkdir()
+    (target / "data").touch()
+    with ThreadPoolExecutor(1) as pool:
+
+        def write():
+            for _ in range(50):
+                with replace_folder(target) as folder:
+                    (folder / "data").touch()
+
+        writer = pool.submit(write)
+        while not writer.done():
+            assert target.is_dir()
+        writer.result()
+
+
+def test_temporary_folders_of_killed_processes_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with temporary_folder() as living:
+        dead, young = (tmp_path / f"plenoptic-work-{name}" for name in ("dead", "young"))
+        for folder in (dead, young):
+            folder.mkdir()
+        for folder in (dead, living):
+            os.utime(folder, (0, 0))
+        with temporary_folder():
+            assert living.exists() and young.exists() and not dead.exists()
+    assert list(tmp_path.iterdir()) == [young]

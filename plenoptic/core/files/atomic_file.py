@@ -8,6 +8,7 @@ is written again, or after a day when another file of the folder is written.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import hashlib
 import json
@@ -16,6 +17,8 @@ import re
 import secrets
 import shutil
 import stat
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -35,6 +38,10 @@ _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EB
 _TEMPORARY = re.compile(r"\.[0-9a-f]{16}-[0-9a-f]{16}\.(part|old)")
 _MAX_AGE = 86400.0
 """Seconds after which a left-over temporary file of another target is removed. Locks may not reach other machines."""
+_HERE, _RENAME_EXCHANGE = -100, 2
+"""Arguments of renameat2(2) of Linux: AT_FDCWD, and the flag."""
+_WORK, _LOCKED_AFTER = "plenoptic-work-", 60.0
+"""Beginning of the names of temporary folders, and the age in seconds at which those of living processes are locked."""
 _ROOM = 1 << 16
 """Bytes that must still fit on the disk: more than the buffers of libraries that write."""
 
@@ -78,7 +85,8 @@ def replace_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Context manager of a new folder that replaces the one at `path`, if any, if the block succeeds."""
     target = file_path(path)
     check_folder(target)
-    new, old = (target.with_name(f"{_prefix(target)}{secrets.token_hex(8)}.{kind}") for kind in ("part", "old"))
+    name = f"{_prefix(target)}{secrets.token_hex(8)}"
+    new, old = target.with_name(f"{name}.part"), target.with_name(f"{name}.old")
     with translate_errors(target, "written"):
         _remove_left_over(target)
         new.mkdir()
@@ -88,18 +96,54 @@ def replace_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                     stack.enter_context(lock_path(new))
                 yield new
                 sync_files(new)
-                try:
-                    if target.exists():
-                        os.replace(target, old)
-                    os.replace(new, target)
-                except BaseException:
-                    if old.exists() and not target.exists():
-                        os.replace(old, target)
-                    raise
+                if not _exchange(new, target):
+                    try:
+                        if target.exists():
+                            os.replace(target, old)
+                        os.replace(new, target)
+                    except BaseException:
+                        if old.exists() and not target.exists():
+                            os.replace(old, target)
+                        raise
         finally:
             for folder in (new, old):
                 shutil.rmtree(folder, ignore_errors=True)
         _sync_folder(target.parent)
+
+
+def _exchange(new: Path, target: Path) -> bool:
+    """Exchange two folders in one step; False if one is missing, or the system or the file system cannot."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None) if sys.platform == "linux" else None
+    if rename is None:
+        return False
+    return int(rename(_HERE, os.fsencode(new), _HERE, os.fsencode(target), _RENAME_EXCHANGE)) == 0
+
+
+def recover_folder(target: Path) -> None:
+    """Put a folder back under its name if its writer was killed where folders cannot be exchanged in one step."""
+    if os.path.lexists(target) or not target.parent.is_dir():
+        return
+    for old in target.parent.glob(f"{_prefix(target)}*.old"):
+        with suppress(OSError), ExitStack() as stack:
+            if (new := old.with_suffix(".part")).exists():
+                stack.enter_context(lock_path(new))  # fails while its writer lives
+            os.rename(old, target)
+            return
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Context manager of a folder among the system's temporary ones; removes those of processes that were killed."""
+    with tempfile.TemporaryDirectory(prefix=_WORK) as name, ExitStack() as stack:
+        folder = Path(name)
+        with suppress(OSError):
+            stack.enter_context(lock_path(folder))
+        for other in folder.parent.glob(f"{_WORK}*") if fcntl is not None else ():
+            with suppress(OSError):
+                if other.lstat().st_mtime < time.time() - _LOCKED_AFTER:
+                    with lock_path(other):
+                        shutil.rmtree(other)
+        yield folder
 
 
 def check_room(file: BinaryIO) -> None:

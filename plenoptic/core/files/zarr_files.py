@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.files.atomic_file import sync_files, translate_errors
+from plenoptic.core.files.atomic_file import recover_folder, sync_files, translate_errors
 from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, read_file
 from plenoptic.core.parallel import run_in_order, thread_count
@@ -266,6 +266,7 @@ def zarr_module(name: str = "zarr") -> Any:
 def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """Attributes of a store of any origin; None if a folder or file is no store."""
     file = file_path(path) / METADATA
+    recover_folder(file.parent)
     if not file.is_file():
         return None
     try:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import statistics
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,6 +12,7 @@ from plenoptic.camera.cache import MAX_CACHED_BYTES
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, sensor_region
 from plenoptic.camera.sampling.aperture_regions import cells_per_pixel
+from plenoptic.core.files.atomic_file import temporary_folder
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import seed_number, value
@@ -326,8 +325,8 @@ def _bytes(run: PilotRun) -> tuple[float, float, float]:
     """Bytes of an EXR file's metadata, of a pixel in it (noise hardly compresses), and of an illuminated pupil."""
     texts = texts_of(run.exposure)
     head = _HEAD_BYTES + sum(len(name) + len(text) for name, text in texts.items())
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "pilot.exr"
+    with temporary_folder() as folder:
+        path = folder / "pilot.exr"
         run.exposure.save(path)
         return head, max(path.stat().st_size - head, 0) / run.pixels, run.kept_bytes / run.pixels
 
