@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from plenoptic.core.progress.bar import current_progress
 from plenoptic.core.values import whole
+from plenoptic.errors import InvalidValueError
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
@@ -28,7 +29,9 @@ def thread_count(threads: int | None) -> int:
     affinity = getattr(os, "sched_getaffinity", None)
     available = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
     limit = os.environ.get("NUMBA_NUM_THREADS", "")
-    return min(available, max(int(limit), 1)) if limit.isdecimal() else available
+    if limit.lstrip("-").isdecimal() and int(limit) < 1:
+        raise InvalidValueError(f"NUMBA_NUM_THREADS is {limit} in the environment; set it to 1 or more, or remove it")
+    return min(available, int(limit)) if limit.isdecimal() else available
 
 
 class Cancelled(Exception):  # noqa: N818

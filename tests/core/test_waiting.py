@@ -163,10 +163,14 @@ def test_numba_num_threads_is_the_most_that_is_taken_unasked(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
     monkeypatch.delenv("NUMBA_NUM_THREADS", raising=False)
     assert thread_count(None) == 8
-    for variable, threads in (("3", 3), ("64", 8), ("1", 1), ("many", 8), ("", 8), ("0", 1)):
+    for variable, threads in (("3", 3), ("64", 8), ("1", 1), ("many", 8), ("", 8)):
         monkeypatch.setenv("NUMBA_NUM_THREADS", variable)
         assert thread_count(None) == threads
     assert thread_count(5) == 5
+    for variable in ("0", "-1"):
+        monkeypatch.setenv("NUMBA_NUM_THREADS", variable)
+        with pytest.raises(InvalidValueError, match=f"NUMBA_NUM_THREADS is {variable} in the environment; set it to 1"):
+            thread_count(None)
     with pytest.raises(InvalidValueError, match=f"threads is {MAX_THREADS + 1}; it must be at most {MAX_THREADS}"):
         thread_count(MAX_THREADS + 1)
 

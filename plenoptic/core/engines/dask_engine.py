@@ -27,7 +27,7 @@ from plenoptic.core.engines.dask_worker import (
     prepare_worker,
     run_jobs,
 )
-from plenoptic.core.engines.engine import IsCancelled, JobResult, JobT, ResultT
+from plenoptic.core.engines.engine import EngineLostError, IsCancelled, JobResult, JobT, ResultT
 from plenoptic.core.progress.bar import current_progress
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
@@ -84,6 +84,12 @@ class DaskCluster:
 
         One worker of each host prepares first: it compiles, and the others load its compiled code from the disk.
         """
+        with lost_client(self.client):
+            state = self._prepared_state(make, content, out_of_time)
+        yield DaskEngine(self, state, out_of_time)
+
+    def _prepared_state(self, make: Make, content: Any, out_of_time: IsCancelled | None) -> Any:
+        """The shared state on the cluster, for which one worker of each host has compiled."""
         pickled = pickle.dumps((make, content), protocol=pickle.HIGHEST_PROTOCOL)
         key = hashlib.sha256(pickled).hexdigest()
         with warnings.catch_warnings():
@@ -100,7 +106,7 @@ class DaskCluster:
             completions.add(self.client.submit(prepare_worker, state, threads, **options))
         while completions.pending and (future := completions.next()) is not None:
             self.add_processor(future.result())
-        yield DaskEngine(self, state, out_of_time)
+        return state
 
     def add_processor(self, kind: str) -> None:
         """Add the processor of a worker, which may have joined later."""
@@ -137,24 +143,25 @@ class DaskEngine(Generic[JobT, ResultT]):
         running = dict[str, list[JobT]]()
         remaining, threads, bar, total, count = n_jobs, self.threads, current_progress(), n_jobs, 0
         ahead = _AHEAD if self._out_of_time is None else _AHEAD_TIMED
-        try:
-            while True:
-                max_running = threads * (ahead if self._total_size else 1)
-                while len(running) < max_running and (group := self._group(source, remaining, threads)):
-                    remaining -= len(group)
-                    pickled = pickle.dumps(group, protocol=pickle.HIGHEST_PROTOCOL)
-                    future = client.submit(run_jobs, self._state, pickled, pure=False, retries=_RETRIES)
-                    running[future.key] = group
-                    completions.add(future)
-                if not running or (future := completions.next()) is None:
-                    return
-                group = running.pop(future.key)
-                yield from self._job_results(group, future.result())
-                count += len(group)
-                if bar is not None:
-                    bar.step(count, total)
-        finally:
-            client.cancel(completions.pending)
+        with lost_client(client):
+            try:
+                while True:
+                    max_running = threads * (ahead if self._total_size else 1)
+                    while len(running) < max_running and (group := self._group(source, remaining, threads)):
+                        remaining -= len(group)
+                        pickled = pickle.dumps(group, protocol=pickle.HIGHEST_PROTOCOL)
+                        future = client.submit(run_jobs, self._state, pickled, pure=False, retries=_RETRIES)
+                        running[future.key] = group
+                        completions.add(future)
+                    if not running or (future := completions.next()) is None:
+                        return
+                    group = running.pop(future.key)
+                    yield from self._job_results(group, future.result())
+                    count += len(group)
+                    if bar is not None:
+                        bar.step(count, total)
+            finally:
+                client.cancel(completions.pending)
 
     def _group(self, source: Iterator[JobT], remaining: int, threads: int) -> list[JobT]:
         """The next jobs, as many as make a task; one if their duration is unknown, or time is limited."""
@@ -207,6 +214,19 @@ class _Completions:
                 del self._pending[future.key]
                 return future
         return None
+
+
+@contextmanager
+def lost_client(client: Any) -> Iterator[None]:
+    """Context manager that turns the errors of a client that has been closed, or has lost its cluster."""
+    try:
+        yield
+    except Exception as error:
+        if getattr(client, "status", "running") == "running" and "Cancelled" not in type(error).__name__:
+            raise
+        raise EngineLostError(
+            "the cluster of client was closed while it worked; call again with another one"
+        ) from error
 
 
 def _environments(client: Any) -> dict[str, dict[str, str]]:

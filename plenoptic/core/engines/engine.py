@@ -7,6 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from plenoptic.core.parallel import run_in_order
+from plenoptic.errors import PlenopticError
+
+
+class EngineLostError(PlenopticError):
+    """The workers of an engine are gone."""
 
 
 class Job(Protocol):
@@ -49,7 +54,8 @@ class Engine(Protocol[JobT, ResultT]):
     ) -> Iterator[JobResult[JobT, ResultT]]:
         """Run at most `n_jobs` jobs. Few are drawn from the iterable before their results are taken.
 
-        Once the iterator is closed or `is_cancelled` returns True, no further job begins.
+        Once the iterator is closed or `is_cancelled` returns True, no further job begins. EngineLostError without
+        workers.
         """
 
 

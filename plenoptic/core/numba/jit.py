@@ -6,6 +6,8 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+from plenoptic.core.parallel import thread_count
+
 
 class _Compiled:
     """A function that Numba compiles, with the attributes of its dispatcher, which is made when it is needed."""
@@ -19,6 +21,7 @@ class _Compiled:
         if name.startswith("__"):
             raise AttributeError(name)
         if name == "dispatcher":
+            thread_count(None)  # Numba's own error for a number of threads below 1 names no variable
             from plenoptic.core.numba.dispatchers import make_dispatcher  # it imports Numba
 
             # Of two threads, the second takes the result of the first.

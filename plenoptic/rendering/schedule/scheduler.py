@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from plenoptic.core.engines.engine import Engine
+from plenoptic.core.engines.engine import Engine, EngineLostError
 from plenoptic.core.parallel import run_in_order, thread_count
+from plenoptic.core.warn import warn
 from plenoptic.rendering.context import RenderContext
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.interrupts import Interrupts
@@ -50,7 +51,11 @@ class Scheduler:
         with self._interrupts as interrupts:
             while progress.pending() and not clock.over and not interrupts.asked:
                 self._read_records()
-                self._render_batches()
+                try:
+                    self._render_batches()
+                except EngineLostError as error:
+                    warn(str(error))
+                    interrupts.asked = True
                 progress.decide(clock.affordable(progress.paths - paths_before) / pixels)
             if self._checkpoint is not None:
                 self._checkpoint.flush(at_once=True)

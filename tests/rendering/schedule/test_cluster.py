@@ -52,6 +52,25 @@ def test_a_time_limit_ends_it(fake):
     assert shot.stats.seconds < 5  # roughly
 
 
+def test_what_was_done_before_the_client_was_closed_is_kept(fake, tmp_path, monkeypatch):
+    submit = fake.submit
+
+    def closing(function, *arguments, **options):
+        if fake.calls.count("run_jobs") >= 2:
+            fake.status = "closed"
+            raise RuntimeError("no comm")
+        return submit(function, *arguments, **options)
+
+    with monkeypatch.context() as patch, pytest.warns(pl.errors.PlenopticWarning, match="client was closed"):
+        patch.setattr(fake, "submit", closing)
+        shot = small(client=fake, samples=16, checkpoint=tmp_path / "state")
+    assert shot.interrupted and shot.sample_counts.any() and not shot.sample_counts.all()
+    assert_same(small(samples=16), small(samples=16, checkpoint=tmp_path / "state"))
+    with pytest.raises(pl.PlenopticError, match="client was closed"), monkeypatch.context() as patch:
+        patch.setattr(fake, "submit", closing)
+        pl.render(pl.objects_scene(), pl.camera.example_camera(), samples=4, client=fake, progress=False)
+
+
 def test_an_interrupt_ends_it(fake, monkeypatch):
     take = Progress.take
 
