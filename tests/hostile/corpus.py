@@ -13,13 +13,14 @@ import sys
 import warnings
 from pathlib import Path
 
+from hostile_folders import FOLDERS
 from hostile_gltf import GLTF
 from hostile_images import IMAGES, png
 from hostile_texts import TEXTS
 
 import plenoptic as pl
 
-CASES = {**GLTF, **TEXTS, **IMAGES}
+CASES = {**GLTF, **TEXTS, **IMAGES, **FOLDERS}
 HANGS = 60
 """s: no case comes near it."""
 
@@ -73,7 +74,7 @@ def note(event, arguments):
 def main(folder, each):
     warnings.simplefilter("ignore")
     # All libraries are loaded before memory is measured.
-    for name in ("trimesh", "plyfile", "mapbox_earcut", "PIL.Image", "OpenImageIO"):
+    for name in ("trimesh", "plyfile", "mapbox_earcut", "PIL.Image", "OpenImageIO", "h5py", "zarr"):
         __import__(name)
     pl.Scene([pl.box(1)])
     start = peak()

@@ -12,15 +12,20 @@ import struct
 import sys
 import time
 import warnings
+import zipfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 from corpus import HANGS, peak
+from hostile_folders import INNER, SIZES, good, in_folder, zipped
 from hostile_gltf import INDICES, TRIANGLE, data, header
 from hostile_images import jpeg, png, tiff, webp
 from hostile_texts import CORNERS, PLY, PLY_FACES
 
 import plenoptic as pl
+from plenoptic.core.files.array_files import matlab_7_3
+from plenoptic.dataset.contents import FORMAT
 
 NUMBERS = ("-1", "0", "2", "65535", "4294967296", "1e300", "-1e-300", "NaN", "1e999", "9" * 400)
 NUMBERS += ("null", "true", '"a"', "[]")
@@ -99,6 +104,29 @@ def good_files(folder):
     pl.save_lens(lens, folder / "a.json")
     for name in ("a.exr", "raw.tif", "a.json"):
         found[name] = (folder / name).read_bytes()
+    return found | good_folders(folder)
+
+
+def good_folders(folder):
+    """Packages, HDF5, stores, data sets and HCI folders; the files of a folder are damaged one at a time."""
+    zipped(good("package"), folder / "a.zip")
+    zipped(good("package"), folder / "b.zip", zipfile.ZIP_STORED)
+    (folder / "a.mat").write_bytes(matlab_7_3({"LF": np.ones((1, 2, 3, 2, 3), np.uint16)}))
+    with h5py.File(folder / "a.vox", "w") as file:
+        file.attrs["description"], file["instrument/camera/f1"] = "VoxelDataFormat", 3.0
+        file.create_dataset("data/image", data=np.ones((4, 4), np.uint16), compression="gzip").attrs["mode"] = "raw"
+    found = {name: (folder / name).read_bytes() for name in ("a.zip", "b.zip", "a.mat", "a.vox")}
+    found |= {
+        f"a.zarr/{name}": content for name, content in good("store").items() if "image" in name or "/" not in name
+    }
+    found["hci/parameters.cfg"] = f"[extrinsics]\n{SIZES.format(1)}{INNER}".encode()
+    image = {"camera": "a", "frame": 0, "camera_value": 0, "pose": None, "shutter": None, "samples": 1, "replicates": 1}
+    image |= {"seed": 0, "motion": False, "object_names": 0, "parts": [{"arrays": ["image"]}]}
+    manifest = {"format": FORMAT, "frames": 1, "complete": True, "cameras": {"a": [None]}, "images": [image]}
+    manifest |= {"object_names": [None], "made_with": {"settings": None}}
+    found["set/manifest.json"] = json.dumps(manifest).encode()
+    in_folder({**{f"a.zarr/{name}": content for name, content in good("store").items()}, **found}, folder)
+    in_folder({"hci/input_Cam000.png": png(4, 4, b"\x80")}, folder)
     return found
 
 
@@ -126,7 +154,16 @@ def damaged(content, dice):
 
 def readers(name):
     """What reads a file of that name."""
-    ending = Path(name).suffix
+    ending, first = Path(name).suffix, Path(name).parts[0]
+    if ending == ".zip":
+        return [pl.package.read]
+    if ending in (".mat", ".vox"):
+        return [pl.lightfield.read_lftoolbox if ending == ".mat" else pl.export.read_plenoptomos]
+    if first == "a.zarr":
+        folder = len(Path(name).parts) - 2
+        return [lambda path: pl.Exposure.load(path.parents[folder])]
+    if first in ("hci", "set"):
+        return [lambda path: (pl.lightfield.read_hci if first == "hci" else pl.dataset.read)(path.parent)]
     if ending in (".gltf", ".glb", ".obj", ".ply", ".stl"):
         return [pl.Scene.load]
     if ending in (".json", ".csv", ".zmx"):
