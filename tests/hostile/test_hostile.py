@@ -30,12 +30,12 @@ def run(script, *arguments):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-# What is damaged is read in some three of ten cases; of 19 x 10 that share has a standard deviation of 0.033.
+# What is damaged is read in some two of ten cases; of 28 x 10 that share has a standard deviation of 0.027.
 @pytest.mark.parametrize("count", [10, pytest.param(250, marks=pytest.mark.slow)])
 def test_damaged_files_are_read_or_refused(tmp_path, count):
     found = run("mutations.py", tmp_path, count, count)
     assert found["wrong"] == []
-    assert found["of"] >= 19 * count and 0.1 * found["of"] < found["read"] < 0.5 * found["of"]
+    assert found["of"] >= 28 * count and 0.1 * found["of"] < found["read"] < 0.5 * found["of"]
     assert found["memory"] < MOST_MEMORY
 
 
