@@ -90,6 +90,10 @@ class ImplausibleCameraWarning(PlenopticWarning):
     """A camera with a number that no real one has, as from mistaken units. See `PlenopticWarning`."""
 
 
+class ImplausibleSceneWarning(PlenopticWarning):
+    """A scene of another scale than its camera, or glass that is inside out. See `PlenopticWarning`."""
+
+
 class UnseenSceneWarning(PlenopticWarning):
     """A scene that lies outside the camera's view, before a bright background. See `PlenopticWarning`."""
 

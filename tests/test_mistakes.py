@@ -54,6 +54,9 @@ def file(name, text="hello"):
 INVALID, LENS_ERROR = pl.errors.InvalidValueError, pl.errors.PrescriptionError
 SCENE_ERROR, FILE = pl.errors.SceneError, pl.errors.FileError
 BLACK, ODD, UNSEEN = (pl.errors.BlackImageWarning, pl.errors.ImplausibleCameraWarning, pl.errors.UnseenSceneWarning)
+ODD_SCENE, BALL = pl.errors.ImplausibleSceneWarning, pl.sphere(20.0)
+TURNED = pl.Mesh(BALL.vertices, BALL.faces[:, ::-1], pl.Dielectric(1.5))
+SMALL_BALL, LARGE_BALL = (pl.Mesh(size * BALL.vertices, BALL.faces) for size in (1e-5, 1e3))
 
 MISTAKES = [
     ("pl.Surface(0, semi_diameter=5.0)", LENS_ERROR, "for a plane use math.inf"),
@@ -139,6 +142,10 @@ MISTAKES = [
     ("pl.SunLight.from_angles(0, 45)", INVALID, "45 rad; it must be within -pi/2 and pi/2"),
     ("pl.SunLight.from_angles(180, 0.5)", INVALID, "give radians, such as math.radians(180)"),
     ("render(pl.Scene([WALL]))", BLACK, "give it lights=[...]"),
+    ("render(pl.Scene([SMALL_BALL.translated(z=-404)], [LAMP]))", BLACK, 'its numbers: pl.Scene.load(path, unit="m")'),
+    ("render(pl.Scene([BALL], [LAMP]))", BLACK, "is inside of the lens or behind it; move it"),
+    ("render(pl.Scene([LARGE_BALL], background=1.0))", ODD_SCENE, 'its numbers: pl.Scene.load(path, unit="mm")'),
+    ("render(pl.Scene([TURNED], background=1.0))", ODD_SCENE, "the faces of the glass Mesh 0 wind inwards; turn them"),
     (
         "render(pl.Scene([WALL], [pl.lights.PointLight((0, 0, -500), 1e5)]))",
         BLACK,

@@ -52,13 +52,14 @@ def open_file(name: str) -> OpenFile:
     return readers[ending](path)
 
 
-def load_scene(name: str, background: float | None = None) -> Scene:
-    """The scene of a file; without lights and `background` it has a background of radiance 1."""
-    from plenoptic.scene.files.load import FileContents
+def load_scene(name: str, background: float | None = None, unit: str | None = None) -> Scene:
+    """The scene of a file, as `Scene.load` reads it."""
+    from plenoptic.scene.files.load import ENDINGS
     from plenoptic.scene.scene import Scene
 
-    content = _load(name, FileContents, "a scene, such as a glTF or OBJ file")
-    return Scene(content.meshes, content.lights, 1.0 if background is None and not content.lights else background)
+    if Path(name).exists() and Path(name).suffix.lower() not in ENDINGS:
+        raise FileError(f"{name!r} is {open_file(name).kind}; give a scene, such as a glTF or OBJ file")
+    return Scene.load(name, unit=unit, background=background)
 
 
 def load_settings(name: str) -> RenderSettings:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Slices = tuple[slice, slice]
 
-_OF_SCENES = ("background", "truth", "max_bounces", "clamp", "caustics")
+_OF_SCENES = ("background", "unit", "view", "truth", "max_bounces", "clamp", "caustics")
 """Options that a white image does not have."""
 
 
@@ -49,8 +49,12 @@ def fill_render_options(parser: argparse.ArgumentParser) -> None:
     add("scene", metavar="SCENE", nargs="?", help="glTF, OBJ, PLY or STL; none with --white")
     add("camera", metavar="CAMERA", help="JSON of pl.package.save_value, or an image or package that holds a camera")
     add("--white", action="store_true", help="a white image: no scene, radiance 1 everywhere")
-    text = "of the surroundings of the scene; 1 if the file has no lights, otherwise 0"
-    add("--background", type=float, metavar="RADIANCE", help=text)
+    add("--background", type=float, metavar="RADIANCE", help="of the surroundings of the scene (0)")
+    text = "length of one unit of the scene's file: um, mm, cm, m, km, inch or foot (glTF: m, others: mm)"
+    add("--unit", metavar="UNIT", help=text)
+    add("--view", metavar="NAME", help="put the camera where a camera of the scene's file is, by its name or number")
+    text = "bend light at microlenses, or at these and the iris"
+    add("--diffraction", choices=("microlenses", "iris"), help=text)
     ends = parser.add_argument_group("end of the render, whichever comes first; at least one is needed")
     ends.add_argument("--samples", type=int, metavar="N", help="paths per pixel")
     ends.add_argument("--target-error", type=float, metavar="E", help="relative error, such as 0.02")
@@ -101,8 +105,24 @@ def request_of(options: argparse.Namespace) -> Request:
     camera = load_camera(options.camera)
     region = options.region if options.tile is None else tile_region(camera.sensor.shape, options.tile)
     settings = _settings(options)
-    scene = None if options.white else load_scene(options.scene, options.background)
-    return Request(scene, camera, region, settings, options)
+    scene = None if options.white else load_scene(options.scene, options.background, options.unit)
+    return Request(scene, _camera(camera, options, scene), region, settings, options)
+
+
+def _camera(camera: PlenopticCamera, options: argparse.Namespace, scene: Scene | None) -> PlenopticCamera:
+    """The camera with diffraction, and at the place of a view of the scene, if these are asked for."""
+    if options.diffraction is not None:
+        from plenoptic.camera.diffraction import Diffraction
+
+        camera = dataclasses.replace(camera, diffraction=Diffraction(iris=options.diffraction == "iris"))
+    if options.view is None or scene is None:
+        return camera
+    views = {name: view for k, view in enumerate(scene.views) for name in (str(k), view.name)}
+    if options.view not in views:
+        names = ", ".join(repr(view.name) for view in scene.views) or "none"
+        raise InvalidValueError(f"--view is {options.view!r}; the cameras of {options.scene!r} are {names}")
+    view = views[options.view]
+    return camera.posed(position=view.position, look_at=view.look_at, up=view.up)
 
 
 def parse_region(text: str) -> Slices:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 _PIXELS, _SAMPLES, _CELLS = 256, 16, 1 << 14
 """Random pixels, samples and total microlenses of the probe; fewer pixels if each is illuminated by more microlenses.
 """
+_SMALL = 5.0
+"""Size of meshes in mm below which their unit may be another one."""
 _POINTS, _PARTS = 64, 16
 """Surface points, and points of each light, that are tested."""
 _FEW = 32 * 32
@@ -201,9 +203,22 @@ class _Probe:
         """Position of a scene that no path hit, with a remedy."""
         low, high = np.asarray(scene.bounds).round(3).tolist()
         remedy = "move it, or the camera, which without a pose looks from the origin along -z"
-        if not self.is_past(scene):
+        if self.is_behind(scene):
+            remedy = f"that is inside of the lens or behind it; {remedy}"
+        elif not self.is_past(scene):
             remedy = "it is in view and small: give more samples, or go nearer"
+        if max(float(np.ptp(mesh.bounds, axis=0).max()) for mesh in scene.meshes) < _SMALL:
+            remedy += '; if it is of a file, give the unit of its numbers: pl.Scene.load(path, unit="m")'
         return f"which lies between {low} and {high} mm; {remedy}"
+
+    def is_behind(self, scene: Scene) -> bool:
+        """True if no mesh has a part in front of the lens, from whose first surface the rays start."""
+        if not len(self.rays) or not scene.meshes:
+            return False
+        bounds = np.array([mesh.bounds for mesh in scene.meshes])
+        corners = np.stack([bounds[:, (i, j, k), (0, 1, 2)] for i in (0, 1) for j in (0, 1) for k in (0, 1)], axis=1)
+        axis = self.rays[:, 3:].mean(axis=0)
+        return bool((corners.reshape(-1, 3) @ axis).max() <= (self.rays[:, :3] @ axis).max())
 
     def is_past(self, scene: Scene) -> bool:
         """True if all meshes and area lights are outside of the cone of rays that leave the camera."""

@@ -129,7 +129,7 @@ def render(  # noqa: PLR0913
 
     Warns
     -----
-    BlackImageWarning, UnseenSceneWarning, ImplausibleCameraWarning, BudgetWarning
+    BlackImageWarning, UnseenSceneWarning, ImplausibleCameraWarning, ImplausibleSceneWarning, BudgetWarning
         Once each, with the cause, such as a light that faces away, or an implausible number of the camera. See
         `errors.PlenopticWarning`.
 
@@ -141,6 +141,7 @@ def render(  # noqa: PLR0913
     >>> pl.render(scene, camera, samples=16, region=region, progress=False).image.shape
     (10, 20, 1)
     """
+    from plenoptic.rendering.plausible_scene import warn_if_scene_implausible
     from plenoptic.scene.scene import Scene
 
     if not isinstance(scene, Scene):
@@ -148,6 +149,7 @@ def render(  # noqa: PLR0913
         raise InvalidValueError(f"scene is a {type(scene).__name__}; it must be a Scene{hint}")
     check_scene_and_camera(scene, camera)
     warn_if_implausible(camera)
+    warn_if_scene_implausible(scene, camera)
     budget = checked_budget(samples, time_limit, target_error, replicates)
     settings = RenderSettings(max_bounces, caustics, clamp, sampler)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)

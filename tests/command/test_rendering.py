@@ -65,11 +65,12 @@ def same(one, other):
 
 
 def test_tiles_that_are_merged_have_the_bits_of_the_whole(capsys, refused):
-    run("render wall.obj camera.json --samples 8 -o whole.exr --truth depth,normal --seed 3")
+    usual = "wall.obj camera.json --samples 8 --background 1 --truth depth,normal --seed 3"
+    run(f"render {usual} -o whole.exr")
     out, err = capsys.readouterr()
     assert out.startswith("whole.exr: Exposure(21 x 27 x 1, 8 samples per pixel") and "RenderStats(" in out and not err
     for k in range(1, 7):
-        run(f"render wall.obj camera.json --samples 8 --truth depth,normal --seed 3 --tile {k}/6 -o part{k}.exr")
+        run(f"render {usual} --tile {k}/6 -o part{k}.exr")
     capsys.readouterr()
     run("merge part4.exr part1.exr part6.exr part2.exr part5.exr part3.exr -o merged.exr")
     assert capsys.readouterr().out.startswith("merged.exr: Exposure(21 x 27 x 1, 8 samples per pixel")
@@ -129,9 +130,44 @@ def test_settings_come_from_files_and_options():
     assert pl.Exposure.load("white.exr").white and pl.Exposure.load("white.exr").camera == CAMERA
 
 
+def test_scenes_of_other_units_are_seen_from_their_cameras(folder, refused, capsys):
+    """A wall of numbers in metres, seen by the file's camera, 0.9 m away; black without a background."""
+    wall = pl.load_file("wall.obj").meshes[0]
+    points = (wall.vertices / 1000.0 + (0.0, 0.0, 0.404)).astype("<f4")
+    data = points.tobytes() + wall.faces.astype("<u4").tobytes()
+    (folder / "wall.bin").write_bytes(data)
+    gltf = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "wall.bin", "byteLength": len(data)}],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": points.nbytes},
+            {"buffer": 0, "byteOffset": points.nbytes, "byteLength": len(data) - points.nbytes},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(points)},
+            {"bufferView": 1, "componentType": 5125, "type": "SCALAR", "count": wall.faces.size},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "cameras": [{"name": "front", "type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+        "nodes": [{"mesh": 0}, {"camera": 0, "name": "front", "translation": [0, 0, 0.404]}],
+        "scenes": [{"nodes": [0, 1]}],
+    }
+    (folder / "wall.gltf").write_text(json.dumps(gltf))
+    common = "camera.json --samples 4 --background 1 --region 0:8,0:8"
+    run(f"render wall.gltf {common} --view front -o view.exr")
+    run(f"render wall.gltf {common} --view 0 --diffraction microlenses -o bent.exr")
+    seen, bent = (pl.Exposure.load(name) for name in ("view.exr", "bent.exr"))
+    assert np.allclose(seen.depth, 900.0) and bent.camera.diffraction == pl.Diffraction()
+    assert seen.camera.pose.position.tolist() == [0.0, 0.0, 404.0]
+    assert "the cameras of 'wall.gltf' are 'front'" in refused(f"render wall.gltf {common} --view side -o a.exr")
+    assert "unit is 'furlong'" in refused(f"render wall.gltf {common} --unit furlong -o a.exr")
+    run("render wall.obj camera.json --samples 4 -o black.exr --region 0:8,0:8")
+    assert "nothing in the scene emits light" in capsys.readouterr().err
+
+
 def test_what_is_refused_is_told_in_one_line_and_before(folder, refused, nothing_rendered):
     (folder / "folder.exr").mkdir()
-    usual = "wall.obj camera.json --samples 4 -o a.exr"
+    usual = "wall.obj camera.json --samples 4 --background 1 -o a.exr"
     for typed, said in (
         ("wall.obj camera.json --samples 4 -o nowhere/a.exr", "does not exist; make it first"),
         ("wall.obj camera.json --samples 4 -o a.jpg", "it must end in .exr, .zarr"),

@@ -15,6 +15,9 @@ from plenoptic.scene.geometry import moves
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import MATERIALS, Material
 
+_CLOSED = 1e-6
+"""Sum of the areas of a closed mesh as vectors, over that of their sizes, at most."""
+
 
 @value
 class Mesh:
@@ -102,6 +105,14 @@ class Mesh:
         used[self.faces.ravel()] = True
         points = self.vertices[used]
         return read_only(np.array([points.min(axis=0), points.max(axis=0)]))
+
+    @cached_property
+    def is_inside_out(self) -> bool:
+        """True if the mesh is closed and its faces wind inwards: its volume is negative."""
+        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
+        areas = np.cross(b - a, c - a)
+        is_closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.abs(areas).sum()
+        return bool(is_closed and np.einsum("ij,ij->", a - self.bounds[0], areas) < 0.0)
 
     def transformed(self, matrix: ArrayLike) -> Mesh:
         """The mesh moved by an affine map, p' = M p; normals by the inverse transpose of its 3 x 3 part.

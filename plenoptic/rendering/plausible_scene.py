@@ -1,0 +1,47 @@
+"""Warning of scenes of another scale than their camera, and of glass that is inside out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.gaussian import object_plane
+from plenoptic.core.warn import warn
+from plenoptic.errors import ImplausibleSceneWarning
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.materials.dielectric import Dielectric
+from plenoptic.scene.scene import Scene
+
+_LARGEST = 20.0
+"""Largest size of the smallest mesh over the distance of the plane in focus."""
+
+
+def warn_if_scene_implausible(scene: Scene, camera: PlenopticCamera) -> None:
+    """Issue one warning that names everything that is hardly meant; none for other scenes."""
+    if values := "; ".join([*_scale(scene, camera), *_glass(scene)]):
+        warn(f"this scene is hardly what was meant: {values}", ImplausibleSceneWarning)
+
+
+def _scale(scene: Scene, camera: PlenopticCamera) -> Iterator[str]:
+    z = object_plane(camera.lens, camera.stop_to_microlenses, camera.wavelength)
+    smallest = min((float(np.ptp(part.bounds, axis=0).max()) for part in scene.meshes), default=0.0)
+    if camera.lens.model is not LensModel.NONE and smallest > _LARGEST * abs(z):
+        yield (
+            f"its smallest mesh is {smallest:.3g} mm large, and the camera focuses {abs(z):.3g} mm away; if it is of a "
+            'file, give the unit of its numbers: pl.Scene.load(path, unit="mm")'
+        )
+
+
+def _glass(scene: Scene) -> Iterator[str]:
+    meshes = [part.mesh if isinstance(part, Instances) else part for part in scene.meshes]
+    glass = [k for k, mesh in enumerate(meshes) if isinstance(mesh.material, Dielectric)]
+    for k in glass:
+        if not meshes[k].is_inside_out:
+            continue
+        low, high = scene.meshes[k].bounds
+        around = (scene.meshes[j].bounds for j in glass if j != k)  # a bubble in glass is none of its own
+        if not any((outer[0] <= low).all() and (high <= outer[1]).all() for outer in around):
+            yield f"the faces of the glass {scene.object_names[k]} wind inwards; turn them: faces[:, ::-1]"
