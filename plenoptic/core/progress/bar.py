@@ -7,6 +7,9 @@ outermost one.
 from __future__ import annotations
 
 import contextvars
+import functools
+import os
+import sys
 import threading
 import time
 import warnings
@@ -27,10 +30,15 @@ _thread_state = threading.local()
 
 
 def load_tqdm() -> Any:
-    """Import `tqdm.auto.tqdm`, without its warning in notebooks that lack ipywidgets and get its text bar."""
+    """`tqdm.auto.tqdm`, without its warning in notebooks that lack ipywidgets and get its text bar.
+
+    In terminals that do not know their size, where it would print nothing, with 80 columns.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "IProgress not found")
         from tqdm.auto import tqdm
+    if sys.stderr is not None and sys.stderr.isatty() and 0 in os.get_terminal_size(sys.stderr.fileno()):
+        return functools.partial(tqdm, ncols=80, nrows=24)
     return tqdm
 
 

@@ -6,19 +6,20 @@ dictionaries, and the state shown may be slightly outdated.
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_PACE = 1.7e-4
+_PACE = 2.2e-4
 """Seconds for each byte of Python's bytecode, on an idle core of a server. Times of a render's kernels, from which it
 was measured, have a correlation of 0.91 with their bytes."""
 _PRIOR_BYTES = 5000.0
 """Weight of that pace: after as many compiled bytes, the measured pace counts as much."""
-_FEW = 10.0
-"""Seconds that are shown as a few if the amount of code is unknown; a longer time is shown without a number."""
+_FEW = 5.0
+"""Seconds below which they are shown as a few."""
 _PAUSE = 0.5
 """Seconds without compilation after which the next one counts as a new beginning."""
 
@@ -32,11 +33,13 @@ class Compiling:
         self._callbacks: dict[int, Callable[[], None]] = {}
         self.names: list[str] = []
         """Names of the kernels compiled in this process, in order."""
-        self._seconds, self._bytes = _PACE * _PRIOR_BYTES, _PRIOR_BYTES
+        self._seconds, self._bytes = _PACE * _PRIOR_BYTES * _busy(), _PRIOR_BYTES
         self._current: tuple[str, float] | None = None
         """The kernel that this process compiles, and the time at which it began."""
         self.left: dict[str, int] = {}
         """Kernels that are needed and not compiled yet, with the bytes of their bytecode."""
+        self._shown = math.inf
+        """Seconds left that were shown last."""
         self.interrupted = False
         """True after Ctrl-C, until it takes effect at the end of the present kernel."""
         self.workers = 1
@@ -50,7 +53,7 @@ class Compiling:
             yield
             return
         if not self._active and now - self._end > _PAUSE:
-            self._begin = now
+            self._begin, self._shown = now, math.inf
         self._active[thread] = now
         self._current = None if name is None else (name, now)
         for callback in list(self._callbacks.values()):
@@ -81,9 +84,13 @@ class Compiling:
         return self._begin if self._active else None
 
     def seconds_left(self) -> float | None:
-        """Estimated seconds until all kernels are compiled, at the pace so far; None if unknown."""
+        """Estimated seconds until all kernels are compiled, at the pace so far; None if unknown.
+
+        It does not grow while a user waits: a kernel that takes longer than its code lets expect holds it up.
+        """
         left, current = dict(self.left), self._current
         if not left:
+            self._shown = math.inf
             return None
         seconds, size, done_bytes = self._seconds, self._bytes, 0.0
         if current is not None and (current_bytes := left.get(current[0])):
@@ -91,7 +98,14 @@ class Compiling:
             done_bytes = min(elapsed * size / seconds, current_bytes)
             if done_bytes >= current_bytes:
                 seconds, size = seconds + elapsed, size + current_bytes
-        return (sum(left.values()) - done_bytes) * seconds / (size * self.workers)
+        self._shown = min(self._shown, (sum(left.values()) - done_bytes) * seconds / (size * self.workers))
+        return self._shown
+
+
+def _busy() -> float:
+    """Programs that want to run for each processor, at least 1; 1 where the system does not say."""
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    return max(load / (os.cpu_count() or 1), 1.0)
 
 
 ENDING = "interrupted, ending in a few seconds, when what is being compiled is ready"
@@ -115,5 +129,5 @@ def compiling_text(kind: str, *, after: float) -> str:
         return ""
     text, left = f"compiling, first time for this kind of {kind}", compiling.seconds_left()
     if left is None:
-        return f"{text}, a few seconds" if time.perf_counter() - since < _FEW else text
-    return f"{text}, {'a few seconds' if left < _FEW / 2 else f'about {5 * round(left / 5)} s'}"
+        return text
+    return f"{text}, {'a few seconds' if left < _FEW else f'about {5 * math.ceil(left / 5)} s'}"
