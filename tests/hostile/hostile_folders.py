@@ -6,6 +6,7 @@ import json
 import struct
 import tempfile
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,12 @@ def wide(file, folder):
 def large_chunks(file, folder):
     size = {"maxshape": (None,) * 5, "chunks": (1, 10**4, 10**4, 8, 1), "compression": "gzip"}
     file.create_dataset("LF", (1, 1, 1, 1, 1), "u1", **size)
+
+
+def inflated_chunk(file, folder):
+    """2 GB of zeros in a chunk of 36 bytes."""
+    chunk = {"chunks": (1, 3, 3, 2, 2), "compression": "gzip", "shape": (1, 3, 3, 2, 2), "dtype": "u1"}
+    file.create_dataset("LF", **chunk).id.write_direct_chunk((0,) * 5, zlib.compress(bytes(1 << 31), 9))
 
 
 def group(file, folder):
@@ -244,6 +251,7 @@ FOLDERS = {
     "hdf5: a virtual dataset": (hdf5(virtual), ELSEWHERE),
     "hdf5: 1.6 GB of nothing": (hdf5(wide), "would take 1600000000 bytes"),
     "hdf5: chunks of 800 MB": (hdf5(large_chunks), "would take 800000000 bytes"),
+    "hdf5: a chunk of 2 GB": (hdf5(inflated_chunk), "a chunk of LF holds more than it says"),
     "hdf5: a group": (hdf5(group), "LF is no array of numbers"),
     "hdf5: a text": (hdf5(texts), "LF is no array of numbers"),
     "vox: bytes of another file": (vox(vox_bytes), "data/image is stored in other files"),

@@ -23,6 +23,8 @@ _HEADER = 512
 """Bytes before HDF5's own."""
 _FILTERS = {1, 2, 3, 32000}
 """Filters of HDF5 that are read: deflate, shuffle, checksum, LZF. Others would be loaded as plug-ins."""
+_DEFLATED = 1032
+"""Largest ratio by which deflate packs; HDF5 unpacks a chunk whatever its size."""
 _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
@@ -113,6 +115,15 @@ def hdf5_array(group: Any, name: str, size: int, limits: FileLimits) -> NDArray[
         raise ValueError(f"{name} is packed by the filter {min(unknown)}, which is not read here")
     numbers = max(math.prod(item.shape or ()), math.prod(item.chunks or ()))
     check_memory(numbers * item.dtype.itemsize, f"its array {name}", size, limits)
+    for k in range(item.id.get_num_chunks() if item.chunks else 0):
+        chunk = item.id.get_chunk_info(k)
+        if _DEFLATED * chunk.size > allowed_memory(size, limits):
+            packed, most = (
+                item.id.read_direct_chunk(chunk.chunk_offset)[1],
+                math.prod(item.chunks) * item.dtype.itemsize,
+            )
+            if len(zlib.decompressobj().decompress(packed, most + 1)) > most:
+                raise ValueError(f"a chunk of {name} holds more than it says")
     return np.asarray(item[()])
 
 
