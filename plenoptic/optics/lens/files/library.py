@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib.resources
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
@@ -18,7 +18,9 @@ from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 
-_ENDINGS = ".csv, .json and .zmx"
+_OF_PROGRAMS = (".seq", ".txt", ".zmx")
+"""Endings of the files of other programs."""
+_ENDINGS = ".csv, .json, .seq, .txt and .zmx"
 
 
 def lens_names() -> tuple[str, ...]:
@@ -99,8 +101,8 @@ def load_lens(
     """
     path, stop_size = file_path(name_or_path), choice(stop_size, StopSize, "stop_size")
     name = os.fspath(name_or_path)
-    if configuration is not None and path.suffix.lower() != ".zmx":
-        raise InvalidValueError(f"configuration is {configuration!r:.40}; only .zmx files have configurations")
+    if configuration is not None and path.suffix.lower() not in _OF_PROGRAMS:
+        raise InvalidValueError(f"configuration is {configuration!r:.40}; only .seq, .txt and .zmx files have several")
     if isinstance(name_or_path, str) and name in lens_names():
         bundled = importlib.resources.files("plenoptic.optics.lens.files") / "data" / f"{name}.json"
         return lens_from_json(bundled.read_text(encoding="utf-8"), f"{name}.json")
@@ -111,12 +113,11 @@ def load_lens(
         return lens_from_csv(_utf8(path, limits), path.name)
     if ending == ".json":
         return lens_from_json(_utf8(path, limits), path.name)
-    if ending == ".zmx":
+    if ending in _OF_PROGRAMS:
         from plenoptic.core.files.text_lines import decode_text
-        from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
         text = decode_text(read_file(path, limits), errors="replace")
-        return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
+        return _reader(ending)(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         reason = "is a folder" if path.is_dir() else f"ends in {ending!r}"
         raise FileError(f"{name} {reason}; the lens files that can be read are {_ENDINGS}")
@@ -168,6 +169,21 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     else:
         raise FileError(f"{target} ends in {target.suffix!r}; lenses are saved as .json or .zmx: give it that ending")
     write_file(target, content)
+
+
+def _reader(ending: str) -> Callable[..., LensStack]:
+    """Reader of the files of another program."""
+    if ending == ".zmx":
+        from plenoptic.optics.lens.files.zemax import lens_from_zmx
+
+        return lens_from_zmx
+    if ending == ".seq":
+        from plenoptic.optics.lens.files.codev import lens_from_seq
+
+        return lens_from_seq
+    from plenoptic.optics.lens.files.photographic_table import lens_from_table
+
+    return lens_from_table
 
 
 def _utf8(path: Path, limits: FileLimits) -> str:
