@@ -52,7 +52,7 @@ class _Cells(NamedTuple):
         return self.cells[i] if i < len(self.cells) else ""
 
     def number(self, i: int, name: str) -> float:
-        return math.inf if self.cell(i).upper() == "INFINITY" else parse_number(self.cell(i), name)
+        return math.inf if self.cell(i).upper().lstrip("+-") == "INFINITY" else parse_number(self.cell(i), name)
 
 
 def lens_from_table(

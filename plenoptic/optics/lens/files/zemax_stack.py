@@ -150,7 +150,8 @@ def _with_glued_sensor(rows: list[Row], where: str) -> list[Row]:
         return rows
     if rows[0].medium != AIR:
         message = (
-            f"the object is in {rows[0].medium!r} and the image in {behind!r}; only a lens in one medium can be read"
+            f"the object is in {rows[0].medium!r} and the image in {behind!r}; lenses with a medium in front only, such "
+            "as water before an underwater camera, cannot be modelled: remove this line for the lens in air"
         )
         raise _error(where, rows[0], "GLAS", message)
     known = last.aperture if last.aperture is not None else last.diameter
