@@ -6,7 +6,7 @@ the image surface from the last gap's end. The forms with a surface, such as THI
 
 - RDM Y: the first number of a surface is its radius, 0 for a plane; RDM N: its curvature. Without RDM a file is
   refused, since its numbers may be either. DIM M, C, I: lengths in mm, cm, inch.
-- CON and ASP with K and A to J (r^4 to r^20); REFL is a mirror. A plane mirror with BEN is unfolded, with its tilt.
+- CON and ASP with K, A to H and J (r^4 to r^20); REFL is a mirror. A plane mirror with BEN is unfolded, with its tilt.
   Other tilts and decentres, diffractive, cylindrical and toroidal surfaces, and apertures that are not round are
   refused.
 - STO: the stop, at surface 1 if it is missing. CIR: semi-diameter that limits the light; OBS and HOL obscure a disc;
@@ -46,7 +46,7 @@ from plenoptic.optics.lens.stack import LensStack
 _UNITS = {"M": 1.0, "C": 10.0, "I": 25.4}
 _APERTURES = {"EPD": "ENPD", "FNO": "FNUM", "NA": "FNUM", "NAO": "OBNA"}
 _FIELDS = {"AN": 0, "OB": 1, "IM": 2, "RI": 3}
-_POWERS = "ABCDEFGHIJ"
+_POWERS = "ABCDEFGHJ"
 _TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 _ZOOMED = ("THI", "RDY", "CUY", *_APERTURES, *(axis + kind for axis in "XY" for kind in _FIELDS))
 _VIGNETTING = ("VUX", "VLX", "VUY", "VLY")
@@ -71,7 +71,7 @@ class _Statement(NamedTuple):
 
     @property
     def command(self) -> str:
-        return self.words[0].upper() if re.fullmatch(r"(?i)s[0-9]+", self.words[0]) else self.words[0][:3].upper()
+        return self.words[0].upper() if re.fullmatch(r"(?i)s[0-9]{1,6}", self.words[0]) else self.words[0][:3].upper()
 
     def real(self, i: int) -> float:
         if i >= len(self.words):
@@ -91,7 +91,7 @@ def lens_from_seq(
     configuration: int | None = None,
 ) -> LensStack:
     """Lens from the text of a CODE V sequence. `where` names the file in messages; `glasses` are looked up first."""
-    statements, left_out = _zoomed(list(_statements(text)), configuration, where)
+    statements, left_out = _at_zoom_position(list(_statements(text)), configuration, where)
     lens = _Lens(where, GlassNames.of(glasses), left_out)
     for statement in statements:
         with name_line_in_errors(where, statement.line):
@@ -120,14 +120,12 @@ def _statements(text: str) -> Iterator[_Statement]:
         yield _Statement(number, words)
 
 
-def _zoomed(
+def _at_zoom_position(
     statements: list[_Statement], configuration: int | None, where: str
 ) -> tuple[list[_Statement], dict[str, None]]:
     """Statements with those of a zoom position at the end, and a list of ignored data."""
-    count = max(
-        (int(s.words[1]) for s in statements if s.command == "ZOO" and s.words[1:] and s.words[1].isdecimal()),
-        default=1,
-    )
+    counts = ["".join(s.words[1:2]) for s in statements if s.command == "ZOO"]
+    count = max((int(word) for word in counts if re.fullmatch("[0-9]{1,6}", word)), default=1)
     chosen = 1 if configuration is None else whole(configuration, "configuration", at_least=1)
     if chosen > count:
         raise InvalidValueError(f"configuration is {chosen}; {where} has {count} (ZOO)")
@@ -167,7 +165,7 @@ class _Lens:
         command, words = statement.command, statement.words
         if self.is_private:
             self._read_private(statement)
-        elif command in ("SO", "S", "SI") or re.fullmatch("S[0-9]+", command):
+        elif command in ("SO", "S", "SI") or re.fullmatch("S[0-9]{1,6}", command):
             self._read_surface(statement)
         elif command in _REFUSED and any(word.upper() not in ("0", "0.0") for word in words[1:] or ["1"]):
             raise PrescriptionError(f"{words[0][:40]}: {_REFUSED[command]} cannot be read")
@@ -192,9 +190,9 @@ class _Lens:
         elif command == "WL":
             self.wavelengths = statement.reals()
         elif command == "REF":
-            self.reference = int(statement.real(1))
+            self.reference = int(min(max(statement.real(1), 0.0), 1e6))
         elif command[:1] in ("X", "Y") and command[1:] in _FIELDS:
-            at = re.fullmatch(r"[Ff]([0-9]+)", (words[1:] or [""])[0])
+            at = re.fullmatch(r"[Ff]([0-9]{1,6})", (words[1:] or [""])[0])
             if at is None:
                 self.fields[command] = statement.reals()
             elif 0 < int(at[1]) <= len(self.fields.get(command, [])):
@@ -221,8 +219,8 @@ class _Lens:
         elif words[:1] and words[0].upper() == "LAU":
             coefficients = [parse_number(word, name) for word in words[1:]]
             self.private[name.upper()] = Schott((coefficients + [0.0] * 6)[:6], name)
-        elif len(words) == len(self.private_wavelengths):
-            self.private[name.upper()] = _fitted(name, self.private_wavelengths, statement.reals())
+        elif words and len(words) == len(self.private_wavelengths):
+            self.private[name.upper()] = _fit_dispersion(name, self.private_wavelengths, statement.reals())
         else:
             raise PrescriptionError(
                 f"the glass {name[:40]!r} is neither LAU with coefficients nor one index for each wavelength of PWL; "
@@ -276,7 +274,7 @@ class _Lens:
         """Read a statement of a surface, the last one unless it names another; False if it is none."""
         command, words = statement.command, statement.words
         i = len(self.rows) - 1
-        if i >= 0 and len(words) > 1 and re.fullmatch(r"(?i)s([0-9]+|o|i)", words[1]):
+        if i >= 0 and len(words) > 1 and re.fullmatch(r"(?i)s([0-9]{1,6}|o|i)", words[1]):
             i, statement = self._index(words[1]), _Statement(statement.line, [words[0], *words[2:]])
             words = statement.words
         if i < 0:
@@ -365,8 +363,10 @@ def _with_circle(row: Row, statement: _Statement, unit: float) -> Row:
     return row if "EDG" in kinds else row._replace(aperture=radius)
 
 
-def _fitted(name: str, wavelengths: list[float], indices: list[float]) -> Medium:
+def _fit_dispersion(name: str, wavelengths: list[float], indices: list[float]) -> Medium:
     """Medium of indices at wavelengths in nm: Laurent's formula by least squares, of as many terms as indices."""
+    if not (all(1.0 <= w <= 1e6 for w in wavelengths) and all(1.0 <= index < 10.0 for index in indices)):
+        raise PrescriptionError(f"PRV: {name[:40]!r} needs wavelengths in nm, and indices from 1 to 10; correct them")
     if len(indices) == 1:
         return ConstantMedium(indices[0])
     order = [0, 2, 1, 3, 4, 5][: len(indices)]  # coefficients, the most important first

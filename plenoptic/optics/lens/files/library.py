@@ -51,6 +51,8 @@ def load_lens(
     - `.json`: the lossless format of `save_lens`.
     - `.zmx`: a sequential Zemax file; `plenoptic.optics.lens.files.zemax` describes the supported data. Its fields,
       wavelengths, object and image become the lens's `specification`. A warning names ignored data.
+    - `.seq`: a CODE V sequence, and `.txt`: a descriptive table of a photographic lens in the format of the Optical
+      Bench; see `plenoptic.optics.lens.files.codev` and `photographic_table`.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
       empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
@@ -67,16 +69,16 @@ def load_lens(
     Parameters
     ----------
     name_or_path : str or path-like
-        One of `lens_names()`, or a path that ends in `.csv`, `.json` or `.zmx`.
+        One of `lens_names()`, or a path that ends in `.csv`, `.json`, `.seq`, `.txt` or `.zmx`.
     glasses : mapping from name to Medium, optional
-        First catalogue for the glasses that a `.zmx` file names, such as one from `load_glasses`; the bundled ones
-        follow. Other formats contain their glasses.
+        First catalogue for the glasses that a `.seq`, `.txt` or `.zmx` file names, such as one from `load_glasses`; the
+        bundled ones follow. Other formats contain their glasses.
     stop_size : StopSize, optional
-        Source of the stop's size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
+        Source of the stop's size in these files: the system aperture, or the semi-diameter of the stop's surface.
         `lens.check()` reports a disagreement.
     configuration : int, optional
-        Number of the configuration of a `.zmx` file, from 1, such as the position of a zoom. Default: the one that was
-        active when the file was saved.
+        Number of the configuration of such a file, from 1: the position of a zoom, or the column of variable
+        distances. Default: the first, or in a `.zmx` file the one that was active when it was saved.
     limits : FileLimits
         Limits of the file's size: by default at most 4 MiB.
 
