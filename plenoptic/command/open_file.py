@@ -41,7 +41,7 @@ def open_file(name: str) -> OpenFile:
         return _open_folder(path)
     readers = {
         **dict.fromkeys((".exr", ".tif", ".tiff", ".png"), _open_image),
-        **dict.fromkeys((".csv", ".zmx"), lambda file: OpenFile("a lens", load_lens(file))),
+        **dict.fromkeys((".csv", ".seq", ".txt", ".zmx"), lambda file: OpenFile("a lens", load_lens(file))),
         **dict.fromkeys(ENDINGS, lambda file: OpenFile("a scene", load_file(file))),
         ".json": _open_json,
         ".zip": _open_package,

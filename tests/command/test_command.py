@@ -29,7 +29,7 @@ def files(tmp_path, monkeypatch):
     SHOT.develop(pl.SensorModel(photon_rate=1e3, bits=12)).save("raw.tif")
     (tmp_path / "wall.obj").write_text("v 0 0 0\nv 3 0 0\nv 0 2 0\nf 1 2 3\n")
     (tmp_path / "broken.json").write_text("{")
-    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "notes.md").write_text("hello")
     (tmp_path / "empty").mkdir()
     return tmp_path
 
@@ -92,7 +92,7 @@ def test_what_is_refused_is_told_in_one_line(files, capsys):
     latin = ("info ?.exr", "info ?.json", "view ?.png", "view shot.exr --output ?.html", "warm-up --scene ?.obj")
     for typed, said in (
         ("info missing.exr", "plenoptic info: 'missing.exr' does not exist; check the path"),
-        ("info notes.txt", "ends in '.txt'; files that can be opened end in .csv, .exr"),
+        ("info notes.md", "ends in '.md'; files that can be opened end in .csv, .exr"),
         ("info broken.json", "is not JSON"),
         ("info empty", "give one of them, or a file"),
         ("view wall.obj", "plenoptic view: 'wall.obj' is a scene; give an image"),

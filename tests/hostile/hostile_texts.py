@@ -27,7 +27,8 @@ def load_checkpoint(path):
 
 
 LOADERS = {"agf": pl.optics.load_glasses, "checkpoint": load_checkpoint}
-LOADERS |= dict.fromkeys(("csv", "json", "zmx"), pl.load_lens) | dict.fromkeys(("obj", "ply", "stl"), pl.load_file)
+LOADERS |= dict.fromkeys(("csv", "json", "seq", "txt", "zmx"), pl.load_lens)
+LOADERS |= dict.fromkeys(("obj", "ply", "stl"), pl.load_file)
 
 
 def load(path):

@@ -79,6 +79,12 @@ def texts():
         "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n",
         "a.csv": "radius;thickness;material;index;v-no;sa\n10;1;BK7;1.5;60;5\n-50;3;air;;;5\n;1;air;;;3\n",
         "a.zmx": zmx,
+        "a.seq": "RDM Y;LEN\nTITLE 'a'\nEPD 5; DIM M; WL 587.6 486.1\nREF 1\nYAN 0 5\nPRV\nPWL 587.6 486.1 400\n"
+        "'b' 1.5 1.51 1.52\nEND\nSO 0 1e11\nS 50 3 'b'\nASP\nK -1; A 1e-6\nCIR 5\nS -50 3\nS 0 40\nSTO\n"
+        "SI 0 0\nZOO 2\nZOO THI S2 3 4\nGO\n",
+        "a.txt": "[descriptive data]\ntitle\ta\n[variable distances]\nFocal Length\t50\t60\nAngle of View\t40\t30\n"
+        "d0\tInfinity\t500\nd2\t3\t4\nBf\t40\t41\n[lens data]\n1\t50\t3\t1.5168\t20\t64\tN-BK7\tSchott\n"
+        "2\t-50\td2\t\t20\n3\tAS\tBf\t\t10\n[aspherical data]\n1\t50\t-1\t1e-6\n",
         "a.agf": "NM N-BK7 2 517642 1.5168 64.17 0\nCD 1.04 0.006 0.23 0.02 1.01 103.56\nLD 0.3 2.5\n",
     }
 
@@ -166,7 +172,7 @@ def readers(name):
         return [lambda path: (pl.lightfield.read_hci if first == "hci" else pl.dataset.read)(path.parent)]
     if ending in (".gltf", ".glb", ".obj", ".ply", ".stl"):
         return [pl.Scene.load]
-    if ending in (".json", ".csv", ".zmx"):
+    if ending in (".json", ".csv", ".seq", ".txt", ".zmx"):
         return [pl.load_lens]
     if ending == ".agf":
         return [lambda path: [pl.optics.load_glasses(path)[name] for name in pl.optics.load_glasses(path).names]]

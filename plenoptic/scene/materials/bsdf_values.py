@@ -88,7 +88,9 @@ def draw(material: Material, to_viewer: ArrayLike, points: ArrayLike, *, front: 
     material, to_viewer, front
         As for `evaluate`.
     points : (n, 3) array
-        Numbers in [0, 1): two for the direction, and one by which rough glass reflects or refracts.
+        Numbers in [0, 1): two for the direction. Rough glass reflects at its sampled facet where the third is below the
+        Fresnel reflectance there, and otherwise refracts; smooth glass compares the first. Other materials ignore the
+        third.
 
     Raises
     ------

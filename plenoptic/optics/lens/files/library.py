@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import importlib.resources
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
@@ -18,7 +18,9 @@ from plenoptic.optics.lens.files.lens_json import json_of_lens, lens_from_json
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 
-_ENDINGS = ".csv, .json and .zmx"
+_OF_PROGRAMS = (".seq", ".txt", ".zmx")
+"""Endings of the files of other programs."""
+_ENDINGS = ".csv, .json, .seq, .txt and .zmx"
 
 
 def lens_names() -> tuple[str, ...]:
@@ -49,6 +51,8 @@ def load_lens(
     - `.json`: the lossless format of `save_lens`.
     - `.zmx`: a sequential Zemax file; `plenoptic.optics.lens.files.zemax` describes the supported data. Its fields,
       wavelengths, object and image become the lens's `specification`. A warning names ignored data.
+    - `.seq`: a CODE V sequence, and `.txt`: a descriptive table of a photographic lens in the format of the Optical
+      Bench; see `plenoptic.optics.lens.files.codev` and `photographic_table`.
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
       empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
@@ -65,16 +69,16 @@ def load_lens(
     Parameters
     ----------
     name_or_path : str or path-like
-        One of `lens_names()`, or a path that ends in `.csv`, `.json` or `.zmx`.
+        One of `lens_names()`, or a path that ends in `.csv`, `.json`, `.seq`, `.txt` or `.zmx`.
     glasses : mapping from name to Medium, optional
-        First catalogue for the glasses that a `.zmx` file names, such as one from `load_glasses`; the bundled ones
-        follow. Other formats contain their glasses.
+        First catalogue for the glasses that a `.seq`, `.txt` or `.zmx` file names, such as one from `load_glasses`; the
+        bundled ones follow. Other formats contain their glasses.
     stop_size : StopSize, optional
-        Source of the stop's size in a `.zmx` file: its system aperture, or the semi-diameter of the stop's surface.
+        Source of the stop's size in these files: the system aperture, or the semi-diameter of the stop's surface.
         `lens.check()` reports a disagreement.
     configuration : int, optional
-        Number of the configuration of a `.zmx` file, from 1, such as the position of a zoom. Default: the one that was
-        active when the file was saved.
+        Number of the configuration of such a file, from 1: the position of a zoom, or the column of variable
+        distances. Default: the first, or in a `.zmx` file the one that was active when it was saved.
     limits : FileLimits
         Limits of the file's size: by default at most 4 MiB.
 
@@ -99,8 +103,8 @@ def load_lens(
     """
     path, stop_size = file_path(name_or_path), choice(stop_size, StopSize, "stop_size")
     name = os.fspath(name_or_path)
-    if configuration is not None and path.suffix.lower() != ".zmx":
-        raise InvalidValueError(f"configuration is {configuration!r:.40}; only .zmx files have configurations")
+    if configuration is not None and path.suffix.lower() not in _OF_PROGRAMS:
+        raise InvalidValueError(f"configuration is {configuration!r:.40}; only .seq, .txt and .zmx files have several")
     if isinstance(name_or_path, str) and name in lens_names():
         bundled = importlib.resources.files("plenoptic.optics.lens.files") / "data" / f"{name}.json"
         return lens_from_json(bundled.read_text(encoding="utf-8"), f"{name}.json")
@@ -111,12 +115,11 @@ def load_lens(
         return lens_from_csv(_utf8(path, limits), path.name)
     if ending == ".json":
         return lens_from_json(_utf8(path, limits), path.name)
-    if ending == ".zmx":
+    if ending in _OF_PROGRAMS:
         from plenoptic.core.files.text_lines import decode_text
-        from plenoptic.optics.lens.files.zemax import lens_from_zmx
 
         text = decode_text(read_file(path, limits), errors="replace")
-        return lens_from_zmx(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
+        return _reader(ending)(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         reason = "is a folder" if path.is_dir() else f"ends in {ending!r}"
         raise FileError(f"{name} {reason}; the lens files that can be read are {_ENDINGS}")
@@ -168,6 +171,21 @@ def save_lens(lens: LensStack, path: str | os.PathLike[str]) -> None:
     else:
         raise FileError(f"{target} ends in {target.suffix!r}; lenses are saved as .json or .zmx: give it that ending")
     write_file(target, content)
+
+
+def _reader(ending: str) -> Callable[..., LensStack]:
+    """Reader of the files of another program."""
+    if ending == ".zmx":
+        from plenoptic.optics.lens.files.zemax import lens_from_zmx
+
+        return lens_from_zmx
+    if ending == ".seq":
+        from plenoptic.optics.lens.files.codev import lens_from_seq
+
+        return lens_from_seq
+    from plenoptic.optics.lens.files.photographic_table import lens_from_table
+
+    return lens_from_table
 
 
 def _utf8(path: Path, limits: FileLimits) -> str:

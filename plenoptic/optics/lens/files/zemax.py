@@ -47,18 +47,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
-from plenoptic.core.values import wrong_kind
 from plenoptic.core.warn import warn
-from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.bundled import bundled_glass
+from plenoptic.errors import FileWarning, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
-from plenoptic.optics.glass.media import ConstantMedium, Medium, ModelGlass
+from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.elements import check_count
+from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
 from plenoptic.optics.lens.files.zemax_configurations import with_configuration
 from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold, with_mirrors_of_negative_index
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
@@ -74,8 +72,6 @@ _BREAK = "COORDBRK"
 _EXTENDED = {"XASPHERE": 2, "XOSPHERE": 1}
 """Extended aspheres: step of the powers of r from term to term."""
 _MAX_TERMS = 240
-_SMALLEST_CODE = 250
-"""Six digits begin with the thousandths of n_d - 1 from here on, of n_d - 2 below."""
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -107,10 +103,7 @@ def lens_from_zmx(
                 if name.upper() not in _UNITS:
                     raise PrescriptionError(f"UNIT is {name[:40]!r}; it must be one of {', '.join(_UNITS)}")
                 unit = _UNITS[name.upper()]
-    if isinstance(glasses, str) or not (glasses is None or hasattr(glasses, "__getitem__")):
-        raise wrong_kind(glasses, "glasses", "mapping from names to media", 'pl.optics.load_glasses("schott.agf")')
-    makers = " ".join(line.rest for line in head if line.keyword == "GCAT")
-    media = _Glasses({} if glasses is None else glasses, makers)
+    media = GlassNames.of(glasses, [maker for line in head if line.keyword == "GCAT" for maker in line.words])
     left_out += _ignored_data(blocks)
     blocks[-1] = [line for line in blocks[-1] if line.keyword in ("SURF", "STOP", "CURV", "DIAM")]
     rows, turned = with_mirrors_of_negative_index([_row(block, where, unit, media) for block in blocks], where), False
@@ -175,35 +168,12 @@ def _is_endless(line: Line) -> bool:
     return line.keyword == "DISZ" and line.rest.upper().startswith("INFINITY")
 
 
-class _Glasses(NamedTuple):
-    """Catalogues for the lookup of glasses by name."""
-
-    first: Mapping[str, Medium] | GlassCatalogue
-    makers: str
-    """Names of the bundled catalogues that are looked up next."""
-
-    def medium(self, line: Line) -> Medium:
-        """The medium of a GLAS line."""
-        name = line.word(0)
-        if _is_model(line):
-            # The sign of the index is that of the direction; see `with_mirrors_of_negative_index`.
-            nd, vd = abs(line.real(3)), line.real(4, 0.0)
-            return ModelGlass(nd, vd) if vd != 0 and nd != 1 else ConstantMedium(nd)
-        if name in self.first:
-            return self.first[name]
-        if code := re.fullmatch(r"([0-9]{3})[.]?([0-9]{3})", name):
-            thousandths = int(code[1])
-            return ModelGlass(thousandths / 1e3 + (1.0 if thousandths > _SMALLEST_CODE else 2.0), int(code[2]) / 10.0)
-        try:
-            return bundled_glass(name, self.makers.split())
-        except PrescriptionError:
-            raise
-        except InvalidValueError as error:
-            origin = f"; the file names the catalogues {self.makers[:80]}" if self.makers else ""
-            unknown = str(error).partition("; pl.optics.glass_names()")[0]
-            raise PrescriptionError(
-                f"{unknown}{origin}: give the maker's AGF file, load_lens(path, glasses=pl.optics.load_glasses(agf))"
-            ) from None
+def _medium(line: Line, glasses: GlassNames) -> Medium:
+    """The medium of a GLAS line."""
+    if _is_model(line):
+        # The sign of the index is that of the direction; see `with_mirrors_of_negative_index`.
+        return model_medium(abs(line.real(3)), line.real(4, 0.0))
+    return glasses.medium(line.word(0))
 
 
 def _is_model(line: Line) -> bool:
@@ -211,7 +181,7 @@ def _is_model(line: Line) -> bool:
     return line.word(0).upper() == "___BLANK" or line.words[1:2] == ["1"]
 
 
-def _row(block: list[Line], where: str, unit: float, glasses: _Glasses) -> Row:
+def _row(block: list[Line], where: str, unit: float, glasses: GlassNames) -> Row:
     row = Row(number := int(block[0].word(0)), {line.keyword: line.number for line in block})
     kind, parameters, extra = "STANDARD", dict[int, float](), dict[int, float]()
     # TYPE first: it defines the meaning of PARM and XDAT.
@@ -285,7 +255,7 @@ def _set_parameter(parameters: dict[int, float], line: Line, kind: str) -> None:
         raise PrescriptionError(f"{statement}; only PARM 1 to {count} of {kind} surfaces are read: set it to 0")
 
 
-def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
+def _with_line(row: Row, line: Line, unit: float, glasses: GlassNames) -> Row:
     match line.keyword:
         case "CURV":
             return row._replace(curvature=line.real(0) / unit)
@@ -298,7 +268,7 @@ def _with_line(row: Row, line: Line, unit: float, glasses: _Glasses) -> Row:
             return row._replace(is_mirror=True)
         case "GLAS":
             is_negative = _is_model(line) and line.real(3) < 0
-            return row._replace(medium=glasses.medium(line), is_negative=is_negative)
+            return row._replace(medium=_medium(line, glasses), is_negative=is_negative)
         case "DIAM":
             return row._replace(diameter=line.real(0) * unit)
         case "CLAP" | "FLAP":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import enum
+import itertools
 import math
 from typing import NamedTuple
 
@@ -150,7 +151,8 @@ def _with_glued_sensor(rows: list[Row], where: str) -> list[Row]:
         return rows
     if rows[0].medium != AIR:
         message = (
-            f"the object is in {rows[0].medium!r} and the image in {behind!r}; only a lens in one medium can be read"
+            f"the object is in {rows[0].medium!r} and the image in {behind!r}; lenses with a medium in front "
+            "only, such as water before an underwater camera, cannot be modelled: remove this line for the lens in air"
         )
         raise _error(where, rows[0], "GLAS", message)
     known = last.aperture if last.aperture is not None else last.diameter
@@ -182,6 +184,12 @@ def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece],
         elif not row.is_stop:
             distance += gap
         before = medium_behind(row.medium, before)
+    for (row, kind, gap), (following, *_) in itertools.pairwise(kinds):
+        if kind is _As.SURFACE and gap < 0 and following.is_stop:
+            message = f"the stop lies {-gap:g} mm before the vertex of surface {row.number}, which light meets first"
+            raise _error(
+                where, row, "DISZ", f"{message}; such a stop cannot be modelled: give it a surface before that"
+            )
     last = len(kinds) - 1
     pieces = [_piece(row, kind, 0.0 if i == last else gap, where) for i, (row, kind, gap) in enumerate(kinds)]
     return pieces, distance, kinds[-1][2] if kinds else 0.0

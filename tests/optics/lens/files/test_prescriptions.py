@@ -296,8 +296,8 @@ def test_the_printed_image_is_the_sharpest_one():
 def test_unknown_names_and_endings_and_missing_files_are_named(tmp_path: Path):
     with pytest.raises(FileError, match=r"there is no lens 'double-gaus'.*double-gauss-100mm-f2"):
         load_lens("double-gaus")
-    for wrong in (write(tmp_path, "SURF 0", "lens.seq"), str(tmp_path / "lens.seq"), tmp_path):
-        with pytest.raises(FileError, match=r"\.csv, \.json and \.zmx"):
+    for wrong in (write(tmp_path, "SURF 0", "lens.len"), str(tmp_path / "lens.len"), tmp_path):
+        with pytest.raises(FileError, match=r"\.csv, \.json, \.seq, \.txt and \.zmx"):
             load_lens(wrong)
     for name in ("missing.csv", "missing.json", "missing.zmx"):
         with pytest.raises(FileError, match=r"missing.*does not exist"):

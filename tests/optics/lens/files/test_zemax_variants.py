@@ -311,7 +311,7 @@ def test_configurations_that_are_not_there_and_operands_that_are_not_read(tmp_pa
             load(tmp_path, *ZOOM, f"{GAPS}; THIC 9 2 1", configuration=number)
     with pytest.raises(InvalidValueError, match="configuration is 2; lens.zmx has 1"):
         load(tmp_path, *ZOOM, "", configuration=2)
-    with pytest.raises(InvalidValueError, match="only .zmx files have configurations"):
+    with pytest.raises(InvalidValueError, match="only .seq, .txt and .zmx files have several"):
         load_lens("singlet-100mm-f4", configuration=1)
     solved = (*ZOOM[:-1], f"{ZOOM[-1]}; MAZH 0 0")
     said = r"configuration data of other kinds \(WAVE\), solves of thickness \(surfaces 5 as in configuration 1\)"

@@ -1,0 +1,206 @@
+"""Reader of descriptive tables of photographic lenses (.txt): sections in brackets, columns between tabs.
+
+The format is that of the Optical Bench of Photons to Photos; lengths are in mm.
+
+- [lens data]: number, radius, thickness, n_d, clear diameter, V_d, the name of a glass, its maker. The radius is AS for
+  the stop, FS for a field stop, CG or Infinity for a plane. A thickness may be the name of a variable distance.
+- [variable distances]: a name and its values, one for each configuration: distances of zooming and focusing, d0 of the
+  object, Bf behind the lens, Aperture Diameter of the stop; Angle of View (full, degrees) and Image Height (full).
+- [aspherical data]: number, radius, conic constant, then the coefficients of r^4, r^6, ...; of r^2, r^4, ... if
+  [constants] have AsphericalA2, and of r^3, r^4, r^6, ... if they have AsphericalOddCount 1. Odd powers are refused.
+- A glass is that of its name if a catalogue has it with the n_d of the table within 0.0005, otherwise the model glass
+  of n_d and V_d. Other sections are ignored.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
+from plenoptic.core.values import whole
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.catalogue import GlassCatalogue
+from plenoptic.optics.glass.media import AIR, D_LINE, Medium
+from plenoptic.optics.lens.elements import check_count
+from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
+from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
+from plenoptic.optics.lens.files.zemax_system import Aperture, System
+from plenoptic.optics.lens.specification import StopSize
+from plenoptic.optics.lens.stack import LensStack
+
+_F_LINE, _C_LINE = 486.1327, 656.2725
+_SAME_GLASS = 5e-4
+"""Difference of n_d between a table and a catalogue up to which a name is trusted."""
+_SAME_RADIUS = 1e-3
+"""Relative difference up to which the radius in [aspherical data] agrees with that in [lens data]."""
+_PLANES = ("AS", "FS", "CG", "INFINITY")
+_UNDEFINED = ("", "UNDEFINED")
+
+
+class _Cells(NamedTuple):
+    """A line of the table."""
+
+    line: int
+    cells: list[str]
+
+    def cell(self, i: int) -> str:
+        return self.cells[i] if i < len(self.cells) else ""
+
+    def number(self, i: int, name: str) -> float:
+        return math.inf if self.cell(i).upper().lstrip("+-") == "INFINITY" else parse_number(self.cell(i), name)
+
+
+def lens_from_table(
+    text: str,
+    where: str,
+    *,
+    glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
+    stop_size: StopSize = StopSize.SYSTEM_APERTURE,
+    configuration: int | None = None,
+) -> LensStack:
+    """Lens from the text of a descriptive table; `where` names the file in messages, `glasses` are looked up first.
+
+    The size of the stop is that of the table; the system aperture (F-Number) counts if it has none.
+    """
+    sections = _sections(text)
+    lens_data = sections.get("lens data", [])
+    if not lens_data:
+        raise PrescriptionError(
+            f"{where}: there is no section [lens data]; the tables that can be read are those of the Optical Bench, "
+            "with columns between tabs"
+        )
+    variables = _variables(sections.get("variable distances", []), configuration, where)
+    catalogues = GlassNames.of(glasses)
+    rows = [Row(0, {"SURF": lens_data[0].line}, gap=_distance(variables, "d0", math.inf))]
+    names = {}
+    for cells in lens_data:
+        with name_line_in_errors(where, cells.line):
+            check_count(len(rows))
+            names[cells.cell(0)] = len(rows)
+            rows.append(_row(cells, len(rows), variables, catalogues))
+    constants = {cells.cell(0): cells.cell(1) for cells in sections.get("constants", [])}
+    for cells in sections.get("aspherical data", []):
+        with name_line_in_errors(where, cells.line):
+            if cells.cell(0) not in names:
+                raise PrescriptionError(f"[aspherical data] names surface {cells.cell(0)[:20]!r}, which does not exist")
+            i = names[cells.cell(0)]
+            rows[i] = _aspheric(rows[i], cells, constants)
+    rows.append(Row(len(rows), {"SURF": lens_data[-1].line}))
+    title = next((cells.cell(1) for cells in sections.get("descriptive data", []) if cells.cell(0) == "title"), "")
+    system = _system(variables, rows, lens_data[0].line)
+    return lens_of_rows(rows, system, where, title or where.rpartition(".")[0], where, stop_size=stop_size)
+
+
+def _sections(text: str) -> dict[str, list[_Cells]]:
+    """Lines of each section that are not empty; lines that begin with # are comments."""
+    sections: dict[str, list[_Cells]] = {}
+    lines: list[_Cells] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.startswith("["):
+            lines = sections.setdefault(line.strip().strip("[]").lower(), [])
+        elif line.strip() and not line.startswith("#"):
+            lines.append(_Cells(number, [cell.strip() for cell in line.split("\t")]))
+    return sections
+
+
+def _variables(lines: list[_Cells], configuration: int | None, where: str) -> dict[str, float]:
+    """Values of the variables in a configuration, without undefined ones."""
+    # The columns of distances: others may hold notes behind the values.
+    widths = [len(cells.cells) - 1 for cells in lines if cells.cell(0) in ("Focal Length", "Magnification")]
+    count = max(widths or [len(cells.cells) - 1 for cells in lines], default=1)
+    chosen = 1 if configuration is None else whole(configuration, "configuration", at_least=1)
+    if chosen > count:
+        raise InvalidValueError(f"configuration is {chosen}; {where} has {count} ([variable distances])")
+    if configuration is None and count > 1:
+        warn(
+            f"{where}: left out are all but the first of {count} configurations; choose by configuration=", FileWarning
+        )
+    values = {}
+    for cells in lines:
+        # A single value holds in all configurations.
+        i = chosen if len(cells.cells) > 2 else 1
+        if cells.cell(i).upper() not in _UNDEFINED:
+            with name_line_in_errors(where, cells.line):
+                values[cells.cell(0)] = cells.number(i, cells.cell(0))
+    return values
+
+
+def _distance(variables: Mapping[str, float], name: str, default: float) -> float:
+    value = variables.get(name, default)
+    return default if value <= 0 and name == "d0" else value
+
+
+def _row(cells: _Cells, number: int, variables: Mapping[str, float], glasses: GlassNames) -> Row:
+    radius = 0.0 if cells.cell(1).upper() in _PLANES else cells.number(1, "the radius")
+    thickness = cells.cell(2)
+    if thickness in variables:
+        gap = variables[thickness]
+    elif thickness[:1].isalpha():
+        raise PrescriptionError(
+            f"the thickness {thickness[:20]!r} has no value in [variable distances] for this configuration; choose "
+            "another by configuration="
+        )
+    else:
+        gap = cells.number(2, "the thickness")
+    is_stop = cells.cell(1).upper() == "AS"
+    diameter = cells.number(4, "the clear diameter") if cells.cell(4).upper() not in _UNDEFINED else 0.0
+    if is_stop:
+        diameter = variables.get("Aperture Diameter", diameter)
+    return Row(
+        number,
+        {"SURF": cells.line},
+        curvature=1.0 / radius if radius else 0.0,
+        gap=gap,
+        medium=_medium(cells, glasses),
+        diameter=0.5 * diameter if math.isfinite(diameter) else 0.0,
+        is_stop=is_stop,
+    )
+
+
+def _medium(cells: _Cells, glasses: GlassNames) -> Medium:
+    if not cells.cell(3):
+        return AIR
+    nd = cells.number(3, "n_d")
+    if cells.cell(6):
+        try:
+            named = glasses._replace(makers=cells.cells[7:8]).medium(cells.cell(6))
+            if abs(named.index(D_LINE) - nd) <= _SAME_GLASS:
+                return named
+        except InvalidValueError:
+            pass
+    return model_medium(nd, cells.number(5, "V_d") if cells.cell(5) else 0.0)
+
+
+def _aspheric(row: Row, cells: _Cells, constants: Mapping[str, str]) -> Row:
+    """Row with the conic constant and the coefficients of a line of [aspherical data]."""
+    radius = cells.number(1, "the radius")
+    if abs(radius * row.curvature - 1.0) > _SAME_RADIUS and not (math.isinf(radius) and row.curvature == 0):
+        other = 1.0 / row.curvature if row.curvature else math.inf
+        raise PrescriptionError(f"the radius is {radius:g} in [aspherical data], {other:g} in [lens data]; correct one")
+    conic = cells.number(2, "the conic constant") if cells.cell(2) else 0.0
+    numbers = [cells.number(i, "a coefficient") if cells.cell(i) else 0.0 for i in range(3, len(cells.cells))]
+    if constants.get("AsphericalOddCount", "0") != "0":
+        odd = int(parse_number(constants["AsphericalOddCount"] or "1", "AsphericalOddCount"))
+        if any(numbers[: 2 * odd : 2]):
+            raise PrescriptionError(
+                f"surface {cells.cell(0)[:20]} has odd powers of r (AsphericalOddCount); only even powers can be read"
+            )
+        numbers = numbers[1 : 2 * odd : 2] + numbers[2 * odd :]
+    aspheric = numbers if "AsphericalA2" in constants else [0.0, *numbers]
+    return row._replace(conic=conic, aspheric=tuple(aspheric))
+
+
+def _system(variables: Mapping[str, float], rows: list[Row], line: int) -> System:
+    """Fields and wavelengths, and the f-number if the stop has no size."""
+    angle, height = variables.get("Angle of View", 0.0), variables.get("Image Height", 0.0)
+    is_angle = angle > 0 or not height
+    fields = np.array([[0.0, 0.0], [0.0, 0.5 * (angle if is_angle else height)]])
+    aperture = None
+    if "F-Number" in variables and not any(row.is_stop and row.diameter for row in rows):
+        aperture = Aperture(line, "FNUM", variables["F-Number"], False)
+    return System(aperture, fields, 0 if is_angle else 2, (D_LINE, _F_LINE, _C_LINE), ())
