@@ -314,8 +314,8 @@ def _resample_views(
             picture[k] = np.where(better, view.picture, picture[k])
             error[k] = np.where(better, expected, error[k])
         views[u, v], errors[u, v] = picture, np.sqrt(error)
-        known = np.isfinite(noise)
-        noise_variance[u, v] = np.where(known, noise, 0.0).sum((1, 2, 3)) / np.maximum(known.sum((1, 2, 3)), 1)
+        is_finite = np.isfinite(noise)
+        noise_variance[u, v] = np.where(is_finite, noise, 0.0).sum((1, 2, 3)) / np.maximum(is_finite.sum((1, 2, 3)), 1)
     return views, errors, np.sqrt(noise_variance)
 
 

@@ -49,7 +49,7 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
     values, valid, noise = _channel_means(field, np.vstack([(len(field.u) // 2, len(field.v) // 2), indices]))
     stack = ImageStack(
         np.where(valid, values, 0.0).astype(np.float32),
-        _compared(valid).astype(np.uint8),
+        _interpolation_mask(valid).astype(np.uint8),
         noise,
         first=np.array([0, count]),
         other=np.arange(1, count + 1),
@@ -130,7 +130,7 @@ def _channel_means(field: LightField, indices: NDArray[np.int64]) -> tuple[Float
     return values, valid, noise_variance(values, variance, valid)
 
 
-def _compared(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _interpolation_mask(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Pixels of the central view, and of others (n, rows, columns) those in the middle of nine valid ones.
 
     Interpolation takes sixteen pixels, and those beyond the border are not known.

@@ -43,12 +43,12 @@ def _image_displacement(stack, m, j, pixel, d):
     r, c = math.floor(row + 0.5), math.floor(column + 0.5)
     if not (0 <= r < stack.values.shape[1] and 0 <= c < stack.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
-    own, at = stack.residual_displacement[m, y, x], stack.residual_displacement[other]
-    down, right = _between(at, r, c, row - r, column - c, 1, 0), _between(at, r, c, row - r, column - c, 1, 1)
-    down, right = down - own[1, 0], right - own[1, 1]
+    central, values = stack.residual_displacement[m, y, x], stack.residual_displacement[other]
+    down, right = _between(values, r, c, row - r, column - c, 1, 0), _between(values, r, c, row - r, column - c, 1, 1)
+    down, right = down - central[1, 0], right - central[1, 1]
     return (
-        _between(at, r, c, row - r, column - c, 0, 0) - own[0, 0] + per_pitch * down,
-        _between(at, r, c, row - r, column - c, 0, 1) - own[0, 1] + per_pitch * right,
+        _between(values, r, c, row - r, column - c, 0, 0) - central[0, 0] + per_pitch * down,
+        _between(values, r, c, row - r, column - c, 0, 1) - central[0, 1] + per_pitch * right,
         down / stack.pitch,
         right / stack.pitch,
     )
@@ -58,12 +58,12 @@ def _image_displacement(stack, m, j, pixel, d):
 def _between(displacement, r, c, down, right, i, k):
     """A coefficient between pixels, linear in rows and columns; that of the nearest pixel where others have none."""
     rows, columns = displacement.shape[:2]
-    value, below, beside = displacement[r, c, i, k], 0.0, 0.0
+    value, step_down, step_right = displacement[r, c, i, k], 0.0, 0.0
     if down != 0.0 and 0 <= r + (1 if down > 0.0 else -1) < rows:
-        below = abs(down) * (displacement[r + (1 if down > 0.0 else -1), c, i, k] - value)
+        step_down = abs(down) * (displacement[r + (1 if down > 0.0 else -1), c, i, k] - value)
     if right != 0.0 and 0 <= c + (1 if right > 0.0 else -1) < columns:
-        beside = abs(right) * (displacement[r, c + (1 if right > 0.0 else -1), i, k] - value)
-    return value + (below if below == below else 0.0) + (beside if beside == beside else 0.0)
+        step_right = abs(right) * (displacement[r, c + (1 if right > 0.0 else -1), i, k] - value)
+    return value + (step_down if step_down == step_down else 0.0) + (step_right if step_right == step_right else 0.0)
 
 
 @device
