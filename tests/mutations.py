@@ -121,8 +121,8 @@ depth_of_views lightfield/view_model.py: lightfield/test_depth.py lightfield/tes
 - lever / (1.0 - lever * self.vergence)
 + lever / (1.0 + lever * self.vergence)
 noise_of_two_pixels lightfield/kernels/subpixel.py: lightfield/test_depth.py
-- error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
-+ error = math.sqrt(max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
+- error = math.sqrt(0.5 * variance * slope_variance + excess) / stiffness
++ error = math.sqrt(variance * slope_variance + excess) / stiffness
 zemax_order_of_turns optics/lens/files/zemax_folds.py: optics/lens/files/test_zemax_folds.py optics/lens/files
 - rotation = z @ y @ x
 + rotation = x @ y @ z

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -172,14 +173,15 @@ def decode(  # noqa: PLR0913
         in_view = ((positions - grid.origin) / grid.spacing)[:, ::-1] * (1.0, -1.0)
         opening /= grid.spacing[0] * grid.spacing[1]
         merged = view_renderer(camera, model, readings, in_view, disparities, opening)
-    radiance, error = _resample_views(readings, grid, inside, merged)
+    radiance, error, noise = _resample_views(readings, grid, inside, merged)
     if any(pupil_point) and not np.isfinite(radiance[len(inside) // 2, len(inside) // 2]).any():
         warn(f"the view from viewpoint {pupil_point} is empty: no light passes; take a point of the iris, -1 to 1")
     elif views is not None and not (inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any()):
         fitting = max(inside.any(axis=0).sum(), inside.any(axis=1).sum())
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
-    stated = error if has_errors else None
-    return field_of(camera, radiance, stated, offsets, grid.origin + origin, grid.spacing, samples)
+    stated, noise = (error, noise) if has_errors else (None, None)
+    field = field_of(camera, radiance, stated, offsets, grid.origin + origin, grid.spacing, samples)
+    return dataclasses.replace(field, noise=noise)
 
 
 def _unfocused_array(camera: PlenopticCamera) -> MicrolensArray:
@@ -275,11 +277,12 @@ def _resample_views(
     grid: Resampling,
     in_own_image: NDArray[np.bool_],
     merged: Callable[[tuple[int, int]], MergedView] | None,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Views and their standard errors (U, V, rows, columns, C), interpolated or merged."""
+) -> tuple[NDArray[np.float32], NDArray[np.float32], Floats]:
+    """Views and their standard errors (U, V, rows, columns, C), interpolated or merged, and their noise (U, V)."""
     channels = readings.radiance.shape[3]
     shape = (*in_own_image.shape, grid.rows, grid.columns, channels)
     views, errors = np.full((2, *shape), np.nan, dtype=np.float32)
+    noise_variance = np.full(in_own_image.shape, np.nan)
 
     def columns(planes: Floats) -> Floats:
         """Planes (views, n, C) as values (n, views C), for all views of a u at once."""
@@ -307,10 +310,13 @@ def _resample_views(
             misfit = (radiance[k] - blur[k] - view.at_lenses) ** 2 - variance[k] - view.lens_variance
             expected = view.variance + np.maximum(grid.local_mean(misfit), 0.0)
             better = expected < np.where(np.isnan(picture[k]), np.inf, error[k])
+            noise[k] = np.where(better, view.variance, noise[k])
             picture[k] = np.where(better, view.picture, picture[k])
             error[k] = np.where(better, expected, error[k])
         views[u, v], errors[u, v] = picture, np.sqrt(error)
-    return views, errors
+        is_finite = np.isfinite(noise)
+        noise_variance[u, v] = np.where(is_finite, noise, 0.0).sum((1, 2, 3)) / np.maximum(is_finite.sum((1, 2, 3)), 1)
+    return views, errors, np.sqrt(noise_variance)
 
 
 def field_of(

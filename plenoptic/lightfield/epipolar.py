@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, extrapolate_border, noise_variance
+from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, noise_variance, spline_coefficients
 from plenoptic.lightfield.matching.match import Matcher, match_stack
 from plenoptic.lightfield.pinhole_model import depths_on_rays, lens_front_z
 from plenoptic.lightfield.view_model import Moebius, ViewModel
@@ -18,6 +18,9 @@ from plenoptic.lightfield.views import LightField
 
 _MAX_VIEWS = 24
 """Views with which the central one is compared, fewer than twice as many, along four directions from it."""
+_MIN_LIGHT = 0.997
+"""Light of a view through its own microlenses, over that of the best one, from which on it is compared: light through
+others shows points many pixels away."""
 _SHIFT_STEP = 1.0
 """Shift of the farthest view between neighbouring planes, in pixels."""
 _MAX_PLANES = 512
@@ -43,8 +46,11 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
             f"{_MAX_PLANES} planes at most"
         )
     planes, count = np.linspace(low, high, count), len(indices)
+    values, valid, noise = _channel_means(field, np.vstack([(len(field.u) // 2, len(field.v) // 2), indices]))
     stack = ImageStack(
-        *_channel_means(field, np.vstack([(len(field.u) // 2, len(field.v) // 2), indices])),
+        np.where(valid, values, 0.0).astype(np.float32),
+        _interpolation_mask(valid).astype(np.uint8),
+        noise,
         first=np.array([0, count]),
         other=np.arange(1, count + 1),
         base=np.zeros((count, 2)),
@@ -54,6 +60,7 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
         max_compared=count,
         max_shift=math.inf,
         reach=(0.0, float(planes[1] - planes[0])),
+        coefficients=spline_coefficients(values, valid),
     )
     if field.camera is not None:
         stack = _with_displacement(stack, field.model, indices)
@@ -80,7 +87,7 @@ def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
     """Indices (n, 2) of views along u, v and both diagonals, and a point's shift (n, 2) at disparity 1, in pixels."""
     lit = np.asarray(np.isfinite(field.views).any(axis=(2, 3, 4)))
     if field.camera is not None:
-        lit &= field.model.light > 0
+        lit &= field.model.light > _MIN_LIGHT * field.model.light.max()
     u, v = (np.arange(len(offset)) - len(offset) // 2 for offset in (field.u, field.v))
     right, down = np.meshgrid(u, v, indexing="ij")
     straight = (right == 0) | (down == 0) | (np.abs(right) == np.abs(down))
@@ -111,17 +118,26 @@ def _between_cameras(field: LightField) -> tuple[float, float]:
     return float(across) / field.object_spacing[0], float(down) / field.object_spacing[1]
 
 
-def _channel_means(
-    field: LightField, indices: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], NDArray[np.uint8], Floats]:
-    """The views with given indices (n, 2), averaged over channels: `values`, `mask`, `noise_variance` of a stack."""
+def _channel_means(field: LightField, indices: NDArray[np.int64]) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """The views with given indices (n, 2), averaged over channels, where they are valid, and `noise_variance`."""
     values = np.stack([field.views[u, v] for u, v in indices]).mean(axis=-1, dtype=np.float64)
     valid = np.isfinite(values)
     variance = np.zeros_like(values)
-    if field.standard_error is not None:
-        error = np.stack([field.standard_error[u, v] for u, v in indices]).astype(np.float64)
-        variance = np.nan_to_num((error**2).mean(axis=-1) / error.shape[-1], nan=0.0, posinf=0.0)
-    return extrapolate_border(values, valid), valid.astype(np.uint8), noise_variance(values, variance, valid)
+    noise = field.standard_error if field.noise is None else field.noise[:, :, None, None, None]
+    if noise is not None:
+        error = np.stack([noise[u, v] for u, v in indices]).astype(np.float64)
+        variance = variance + np.nan_to_num((error**2).mean(axis=-1) / field.views.shape[-1], nan=0.0, posinf=0.0)
+    return values, valid, noise_variance(values, variance, valid)
+
+
+def _interpolation_mask(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels of the central view, and of others (n, rows, columns) those in the middle of nine valid ones.
+
+    Interpolation takes sixteen pixels, and those beyond the border are not known.
+    """
+    padded = np.pad(valid[1:], ((0, 0), (1, 1), (1, 1)))
+    inner = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2)).all(axis=(3, 4))
+    return np.concatenate([valid[:1], inner])
 
 
 def view_depths(field: LightField, disparity: Floats) -> Floats:

@@ -174,7 +174,9 @@ def view_model(
     known = np.isfinite(positions[row, column]).all(axis=1)
     traced = np.column_stack([row, column, positions[row, column]])[known]
     u, v = (tuple(offset.tolist()) for offset in offsets)
-    return _traced_model(camera, (rows, columns), traced.tobytes(), (u, v), tuple(origin.tolist()), spacing)
+    parts = (positions[..., None, axis] + offset for axis, offset in ((1, offsets[0]), (0, offsets[1])))
+    wide = tuple(tuple(np.nanmean(4.0 * (x % 1.0) * (-x % 1.0), axis=(0, 1)).tolist()) for x in parts)
+    return _traced_model(camera, (rows, columns), traced.tobytes(), ((u, v), wide), tuple(origin.tolist()), spacing)
 
 
 @functools.lru_cache(maxsize=8)
@@ -182,25 +184,32 @@ def _traced_model(
     camera: PlenopticCamera,
     size: tuple[int, int],
     nodes: bytes,
-    offset_tuples: tuple[tuple[float, ...], tuple[float, ...]],
+    across_and_down: tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]],
     origin: tuple[float, ...],
     spacing: tuple[float, float],
 ) -> ViewModel:
-    """`view_model` as a function of values: `nodes` (n, 6) are row, column and position of pixels."""
+    """`view_model` as a function of values: `nodes` (n, 6) are row, column and position of pixels.
+
+    `across_and_down` are offsets, and the part of the pixels' light that falls onto two at once.
+    """
     array, axes = camera.microlenses, array_axes(camera)
     assert array is not None
     vergence = 1.0 / (camera.stop_to_microlenses - model_pupil(camera)[0])
     per_lever = camera.sensor.pixel_pitch / (camera.microlenses_to_sensor * spacing[0])
     planes = _planes(camera, vergence, per_lever)
-    offsets = np.array(offset_tuples[0]), np.array(offset_tuples[1])
+    offsets, wide = (tuple(np.array(numbers) for numbers in pair) for pair in across_and_down)
     table = np.frombuffer(nodes).reshape(-1, 6)
     (row, column), positions = table[:, :2].T.astype(np.int64), table[:, 2:]
     u, v = np.meshgrid(*offsets, indexing="ij")
     step = np.stack([v * spacing[0] / spacing[1], u], axis=-1)
-    footprints = _footprints(camera, offsets, positions)
+    footprints = _footprints(camera, offsets, wide, positions)
     light = footprints.sums(np.ones(footprints.mask.shape))
-    # Of the light of a pixel, cos^4 of the angle to the axis moves the centre on the microlens towards the pixel.
-    towards_pixel = 4.0 * aperture_variance(array) * camera.sensor.pixel_pitch / camera.microlenses_to_sensor**2
+    pixel_slope = camera.sensor.pixel_pitch / camera.microlenses_to_sensor
+    opening = math.sqrt(2.0 * aperture_variance(array)) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    # cos^4 of the angle to the axis moves the centre of a pixel's light on the microlens towards the pixel.
+    slopes = pixel_slope * np.stack([v, u], axis=-1)[..., None, :] - opening / camera.microlenses_to_sensor
+    cos4 = (1.0 + (slopes**2).sum(axis=-1)) ** -2.0
+    towards_pixel = (cos4 @ opening) / cos4.sum(axis=-1, keepdims=True)
     displacement = []
     for plane in planes:
         points = plane.magnification * plane_intersections(footprints.rays, plane.z)
@@ -209,7 +218,7 @@ def _traced_model(
         # The sensor is read out rotated by 180 degrees: columns run towards -x, rows towards +y. (U, V, nodes, 2)
         sums = [footprints.sums(along) for along in (on_array[:, 1] - origin[1], origin[0] - on_array[:, 0])]
         central = np.stack(sums, axis=-1) / np.maximum(light, 1e-12)[..., None]
-        central = (central + towards_pixel * np.stack([v, u], axis=-1)[:, :, None]) / spacing[::-1]
+        central = (central + towards_pixel[:, :, None]) / spacing[::-1]
         modelled = central - plane.disparity_per_pitch * step[:, :, None]
         displacement.append(np.stack([row, column], axis=-1) - modelled)
     both = np.stack(linear_in_disparity(planes, np.stack(displacement)))
@@ -242,13 +251,15 @@ class _Footprints(NamedTuple):
         return np.moveaxis(self.in_row @ passed @ self.in_column.swapaxes(1, 2), (0, 1, 2), (2, 1, 0))
 
 
-def _footprints(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positions: Floats) -> _Footprints:
+def _footprints(
+    camera: PlenopticCamera, offsets: tuple[Floats, ...], wide: tuple[Floats, ...], positions: Floats
+) -> _Footprints:
     """Footprints of views at points with positions (n, 4)."""
     array, axes = camera.microlenses, array_axes(camera)
     assert array is not None
-    pixel, passed = positions[:, None, :2], positions[:, None, 2:]
+    pixel, passed, pitch = positions[:, None, :2], positions[:, None, 2:], camera.sensor.pixel_pitch
     (in_row, row), (in_column, column) = (
-        _footprint_weights(offset, pixel[..., axis]) for axis, offset in ((0, offsets[1]), (1, offsets[0]))
+        _footprint_weights(offsets[k], wide[k], pixel[..., 1 - k], pitch / camera.microlenses_to_sensor) for k in (1, 0)
     )
     at = np.rint(pixel) + np.stack(np.meshgrid(row, column, indexing="ij"), axis=-1).reshape(-1, 2)
     on_array = np.broadcast_to(passed, at.shape).reshape(-1, 2)
@@ -257,17 +268,21 @@ def _footprints(camera: PlenopticCamera, offsets: tuple[Floats, Floats], positio
     return _Footprints(rays, mask, in_row, in_column)
 
 
-def _footprint_weights(offsets: Floats, pixel: Floats) -> tuple[Floats, Floats]:
+def _footprint_weights(offsets: Floats, wide: Floats, pixel: Floats, slope: float) -> tuple[Floats, Floats]:
     """Weights (n, U, s) of samples in the footprints of views at pixels (n, 1), and their positions (s,).
 
-    Positions are counted from the nearest whole pixel. The mean footprint over all fractions of pixels is a quadratic
-    B-spline, whose samples have its mean and variance.
+    Positions are counted from the nearest whole pixel. Footprints are a pixel wide where views meet pixels, two wide
+    halfway between, and in the mean over all fractions a quadratic B-spline. Light falls off by cos^4 of the slopes.
     """
     whole = np.arange(math.floor(offsets.min()) - 2, math.ceil(offsets.max()) + 3)
     samples = (whole[:, None] + (np.arange(_RAYS) + 0.5) / _RAYS - 0.5).ravel()
     distance = np.abs(samples - (pixel - np.rint(pixel) + offsets)[..., None])
-    weight = np.where(distance < 0.5, 0.75 - distance**2, 0.5 * np.maximum(1.5 - distance, 0.0) ** 2)
-    return weight / _RAYS, samples
+    narrow, broad = (np.clip(half + 0.5 / _RAYS - distance, 0.0, 1.0 / _RAYS) / half / 2 for half in (0.5, 1.0))
+    spline = np.where(distance < 0.5, 0.75 - distance**2, 0.5 * np.maximum(1.5 - distance, 0.0) ** 2) / _RAYS
+    few, many = (np.maximum(part, 0.0)[:, None] for part in (1.0 - 1.5 * wide, 3.0 * wide - 2.0))
+    weight = few * narrow + many * broad + (1.0 - few - many) * spline
+    weight = weight / (1.0 + (slope * samples) ** 2) ** 2
+    return weight / weight.sum(axis=-1, keepdims=True), samples
 
 
 def _fit(values: Floats, row: NDArray[np.int64], column: NDArray[np.int64], size: tuple[int, int]) -> Floats:

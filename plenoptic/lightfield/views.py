@@ -64,6 +64,9 @@ class LightField:
     ground_truth : DepthMap or None
         True depth and disparity of the central view in the files of an imported light field, with standard error 0 and
         confidence 1; None without them. For light fields with a camera, see `truth`.
+    noise : (U, V) array or None
+        Root mean square of the part of a view's standard error that is noise; the rest is of interpolation and blur.
+        None if it is not known apart.
     """
 
     views: NDArray[np.float32]
@@ -80,6 +83,7 @@ class LightField:
     z_focus: float
     camera: PlenopticCamera | None
     ground_truth: DepthMap | None = None
+    noise: Floats | None = None
 
     def view(self, u: int, v: int) -> NDArray[np.float32]:
         """The view `u` steps to the right of the central one and `v` steps below it: (rows, columns, C).

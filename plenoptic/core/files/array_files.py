@@ -118,10 +118,8 @@ def hdf5_array(group: Any, name: str, size: int, limits: FileLimits) -> NDArray[
     for k in range(item.id.get_num_chunks() if item.chunks else 0):
         chunk = item.id.get_chunk_info(k)
         if _DEFLATED * chunk.size > allowed_memory(size, limits):
-            packed, most = (
-                item.id.read_direct_chunk(chunk.chunk_offset)[1],
-                math.prod(item.chunks) * item.dtype.itemsize,
-            )
+            packed = item.id.read_direct_chunk(chunk.chunk_offset)[1]
+            most = math.prod(item.chunks) * item.dtype.itemsize
             if len(zlib.decompressobj().decompress(packed, most + 1)) > most:
                 raise ValueError(f"a chunk of {name} holds more than it says")
     return np.asarray(item[()])

@@ -233,7 +233,8 @@ def _sample_sets(
 ) -> list[ViewSamples]:
     """Samples of pixels whose disparity is known, and those of all pixels if unknown ones are to be filled."""
     depth_map = disparity if isinstance(disparity, DepthMap) else None
-    in_pitches, everywhere = _picture_focus(rays, disparity if depth_map is None else depth_map.disparity, z)
+    given = disparity.disparity if isinstance(disparity, DepthMap) else disparity
+    in_pitches, everywhere = _picture_focus(rays, given, z)
     disparities, width = [in_pitches], _picture_spacing(rays, spacing)
     if fill:
         if not everywhere:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row, lagrange_weights
+from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row, spline_noise, spline_weights
 
 _STEPS = 3
 _MIN_VALID = 0.25
@@ -39,18 +39,31 @@ def _reach(stack, disparity):
 def _image_displacement(stack, m, j, pixel, d):
     """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d."""
     (y, x), other, per_pitch = pixel, stack.other[j], d / stack.pitch
-    yy = math.floor(y + stack.base[j, 0] - d * stack.step[j, 0] + 0.5)
-    xx = math.floor(x + stack.base[j, 1] - d * stack.step[j, 1] + 0.5)
-    if not (0 <= yy < stack.values.shape[1] and 0 <= xx < stack.values.shape[2]):
+    row, column = y + stack.base[j, 0] - d * stack.step[j, 0], x + stack.base[j, 1] - d * stack.step[j, 1]
+    r, c = math.floor(row + 0.5), math.floor(column + 0.5)
+    if not (0 <= r < stack.values.shape[1] and 0 <= c < stack.values.shape[2]):
         return math.nan, math.nan, math.nan, math.nan
-    displacement, other_displacement = stack.residual_displacement[m, y, x], stack.residual_displacement[other, yy, xx]
-    down, right = other_displacement[1, 0] - displacement[1, 0], other_displacement[1, 1] - displacement[1, 1]
+    central, values = stack.residual_displacement[m, y, x], stack.residual_displacement[other]
+    down, right = _between(values, r, c, row - r, column - c, 1, 0), _between(values, r, c, row - r, column - c, 1, 1)
+    down, right = down - central[1, 0], right - central[1, 1]
     return (
-        other_displacement[0, 0] - displacement[0, 0] + per_pitch * down,
-        other_displacement[0, 1] - displacement[0, 1] + per_pitch * right,
+        _between(values, r, c, row - r, column - c, 0, 0) - central[0, 0] + per_pitch * down,
+        _between(values, r, c, row - r, column - c, 0, 1) - central[0, 1] + per_pitch * right,
         down / stack.pitch,
         right / stack.pitch,
     )
+
+
+@device
+def _between(displacement, r, c, down, right, i, k):
+    """A coefficient between pixels, linear in rows and columns; that of the nearest pixel where others have none."""
+    rows, columns = displacement.shape[:2]
+    value, step_down, step_right = displacement[r, c, i, k], 0.0, 0.0
+    if down != 0.0 and 0 <= r + (1 if down > 0.0 else -1) < rows:
+        step_down = abs(down) * (displacement[r + (1 if down > 0.0 else -1), c, i, k] - value)
+    if right != 0.0 and 0 <= c + (1 if right > 0.0 else -1) < columns:
+        step_right = abs(right) * (displacement[r, c + (1 if right > 0.0 else -1), i, k] - value)
+    return value + (step_down if step_down == step_down else 0.0) + (step_right if step_right == step_right else 0.0)
 
 
 @device
@@ -74,20 +87,23 @@ def _window(stack, start, slopes, m, j, pixel, d):
             return 0.0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
-    if stack.smooth:
-        (a0, a1, a2, a3), (e0, e1, e2, e3) = lagrange_weights(down - top)
-        weights, derivatives = lagrange_weights(right - left)
+    window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
+    if stack.coefficients is not None:
+        values = stack.coefficients[other]
+        (a0, a1, a2, a3), (e0, e1, e2, e3) = spline_weights(down - top)
+        weights, derivatives = spline_weights(right - left)
+        noise_products = spline_noise
     else:
         (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
         weights, derivatives = cubic_weights(right - left)
+        noise_products = _dot
     top, left = int(top), int(left)
-    down_squared, right_squared = _dot((a0, a1, a2, a3), (a0, a1, a2, a3)), _dot(weights, weights)
     # Covariance of the interpolated noise with that of the slope.
     covariance = -stack.noise_variance[other] * (
-        sy * right_squared * _dot((a0, a1, a2, a3), (e0, e1, e2, e3)) + sx * down_squared * _dot(weights, derivatives)
+        sy * noise_products(weights, weights) * noise_products((a0, a1, a2, a3), (e0, e1, e2, e3))
+        + sx * noise_products((a0, a1, a2, a3), (a0, a1, a2, a3)) * noise_products(weights, derivatives)
     )
     n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
     if stack.blurred is not None:
         level, other_level = blur_levels(stack, m, other, d)
         window_values, values = stack.blurred[m, level], stack.blurred[other, other_level]
@@ -146,7 +162,7 @@ def _refine(stack, start, slopes, m, y, x):
     error, agreement, slope_sums = math.inf, 0.0, slopes[2]
     d, reach = start[y, x], _reach(stack, start[y, x])
     for _ in range(_STEPS):
-        gradient_sum, stiffness, residual_sum, weight_sum, slope_variance = 0.0, 0.0, 0.0, 0.0, 0.0
+        gradient_sum, stiffness, residual_sum, weight_sum, slope_variance, scatter = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(slope_sums.size):
             slope_sums[i] = 0.0
         n_compared, n_valid, n_agreeing = 0, 0, 0
@@ -162,6 +178,7 @@ def _refine(stack, start, slopes, m, y, x):
             n_agreeing += 1
             w = correlation - _MIN_CORRELATION
             gradient_sum += w * residual
+            scatter += w * w * residual * residual
             stiffness += w * slope_squares
             residual_sum += w * residual_squares
             weight_sum += w * n
@@ -172,10 +189,14 @@ def _refine(stack, start, slopes, m, y, x):
         agreement = n_agreeing / max(n_valid, 1)
         if not stiffness > 0.0:
             break
-        # A residual has the noise of two pixels. The noise of the window itself is common to all comparisons.
+        # A residual has the noise of two pixels. Gradients of views scatter by their errors beyond it, and opposite
+        # views err alike.
+        variance = max(residual_sum, 0.0) / weight_sum
+        excess = 2.0 * max(scatter - variance * slope_variance, 0.0) if stack.coefficients is not None else 0.0
+        # The noise of the window itself is common to all comparisons.
         for i in range(slope_sums.size):
             slope_variance += slope_sums[i] * slope_sums[i]
-        error = math.sqrt(0.5 * max(residual_sum, 0.0) / weight_sum * slope_variance) / stiffness
+        error = math.sqrt(0.5 * variance * slope_variance + excess) / stiffness
         d = min(max(d + gradient_sum / stiffness, start[y, x] - reach), start[y, x] + reach)
     # A disparity at the end of the search range is no solution.
     if abs(d - start[y, x]) >= reach:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 
+SPLINE_POLE = math.sqrt(3.0) - 2.0
+"""Pole of the recursion for cubic B-splines."""
 _MIN_NOISE = 1e-3
 """Standard deviation, relative to the mean radiance, below which differences are not texture."""
 
@@ -46,12 +49,14 @@ class ImageStack(NamedTuple):
     """Largest shift between two compared images."""
     reach: tuple[float, float]
     """Search range around a plane of disparity d: reach[0] |d| + reach[1]."""
-    error_ratio: float = 2.0
-    """Ratio of the error of a disparity to that of independent residuals: pixels of interpolated views share noise."""
-    shift_error: float = 0.005
-    """Systematic error of the largest shift between images; for views, from 48 planes before eight lenses."""
-    smooth: bool = True
-    """True for images without texture as fine as their pixels: `refine` then interpolates to fourth order."""
+    error_ratio: float = 1.7
+    """Ratio of the error of a disparity to that of independent images: neighbouring views share half of their pixels
+    (root of 2), and few of them tell by how much they scatter (root of 1.5)."""
+    shift_error: float = 0.0015
+    """Systematic error of the largest shift between images; for views, that of the model of their displacement."""
+    coefficients: NDArray[np.float32] | None = None
+    """(k, rows, columns): `spline_coefficients`, through which `refine` interpolates images without texture as fine as
+    their pixels; None: it interpolates by cubic convolution."""
     pitch: float = 1.0
     """Pitch of the microlenses."""
     residual_displacement: Floats | None = None
@@ -96,6 +101,25 @@ def extrapolate_border(values: Floats, mask: NDArray[np.bool_]) -> NDArray[np.fl
         new = ~valid & (count > 0)
         filled, valid = np.where(new, total / np.maximum(count, 1), filled), valid | new
     return filled.astype(np.float32)
+
+
+def spline_coefficients(values: Floats, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Coefficients of the cubic B-splines through images (k, rows, columns), extrapolated beyond their masks.
+
+    By recursion along columns and rows, see M. Unser, IEEE Signal Processing Magazine 16(6), 1999, 22 to 38.
+    """
+    total, count = (plane.sum(axis=(1, 2), keepdims=True) for plane in (np.where(mask, values, 0.0), mask))
+    mean = total / np.maximum(count, 1)
+    coefficients = extrapolate_border(values - mean, mask).astype(np.float64)
+    for axis in (1, 2):
+        lines = np.moveaxis(coefficients, axis, 0)
+        for before, line in pairwise(lines):
+            line += SPLINE_POLE * before
+        lines[-1] /= SPLINE_POLE - 1.0 / SPLINE_POLE
+        for after, line in pairwise(lines[::-1]):
+            line[:] = SPLINE_POLE * (after - line)
+        lines *= 6.0
+    return (coefficients + mean).astype(np.float32)
 
 
 def blur_levels(values: Floats, mask: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:

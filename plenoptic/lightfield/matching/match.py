@@ -13,9 +13,6 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, Matches
 
-_CENTRE_ERROR = 0.012
-"""Error of the centre of a pixel's light on the pupil, in pixels: it shifts points by its product with their blur."""
-
 Matcher: TypeAlias = Callable[[ImageStack, int, int], Matches]
 """Matches the images first to end - 1 of a stack; returns arrays (end - first, rows, columns)."""
 
@@ -80,8 +77,7 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
 
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
     fill_subpixel(matches, disparity, stack, np.empty((3, (2 * stack.window_radius + 1) ** 2)), first)
-    shift_error = np.hypot(stack.shift_error, _CENTRE_ERROR * matches.disparity / stack.pitch)
-    systematic = shift_error / float(np.hypot(*stack.step.T).max(initial=1e-9))
+    systematic = stack.shift_error / float(np.hypot(*stack.step.T).max(initial=1e-9))
     return matches._replace(standard_error=np.hypot(stack.error_ratio * matches.standard_error, systematic))
 
 

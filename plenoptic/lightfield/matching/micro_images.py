@@ -132,7 +132,6 @@ def micro_images(
         reach=(_DEPTH_RATIO - 1.0, 0.0),
         error_ratio=_ERROR_RATIO,
         shift_error=_SHIFT_ERROR,
-        smooth=False,
         pitch=pitch,
     )
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
