@@ -126,7 +126,8 @@ def _channel_means(field: LightField, indices: NDArray[np.int64]) -> tuple[Float
     noise = field.standard_error if field.noise is None else field.noise[:, :, None, None, None]
     if noise is not None:
         error = np.stack([noise[u, v] for u, v in indices]).astype(np.float64)
-        variance = variance + np.nan_to_num((error**2).mean(axis=-1) / field.views.shape[-1], nan=0.0, posinf=0.0)
+        # Channels share their paths, and with them their errors.
+        variance = variance + np.nan_to_num(error.mean(axis=-1) ** 2, nan=0.0, posinf=0.0)
     return values, valid, noise_variance(values, variance, valid)
 
 

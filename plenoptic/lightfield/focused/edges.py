@@ -46,7 +46,7 @@ def correct_edges(
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits
 
     lens, light = rays.on_image(rays.lens, -1), radiance.mean(axis=1)
-    error = np.zeros_like(light) if variance is None else np.sqrt(variance.sum(axis=1)) / radiance.shape[1]
+    error = np.zeros_like(light) if variance is None else np.sqrt(variance).mean(axis=1)
     for _ in range(_ITERATIONS):
         behind = np.empty(lens.shape)
         fill_behind(behind, rays.on_image(nearness, np.nan), lens, depth, _MAX_FATTENING)

@@ -123,7 +123,7 @@ def micro_images(
     stack = ImageStack(
         values.astype(np.float32),
         mask.astype(np.uint8),
-        noise_variance(values, variance, mask),
+        np.zeros(len(values)),
         *_pairs(array, index, orthogonal, corner, pitch),
         disparities=pitch / np.geomspace(far, near, 2 + int(np.log(far / near) / np.log(_DEPTH_RATIO))),
         window_radius=window_radius,
@@ -137,6 +137,7 @@ def micro_images(
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
     micro = MicroImages(stack, (lens, y, x), row, column, orthogonal - first, on_array, index, types, steps)
     stack = _mask_and_displace(model, micro, raw, radii < _CENTRE_RADIUS * pitch)
+    stack = stack._replace(noise_variance=noise_variance(values, variance, stack.mask > 0))
     return micro._replace(stack=_with_blur(stack, camera, array, types))
 
 
@@ -196,7 +197,8 @@ def _radiance(raw: RawArrays) -> tuple[Floats, Floats]:
         radiance = (raw.shot / light).mean(axis=2)
         if raw.variance is None:
             return radiance, np.zeros_like(radiance)
-        return radiance, (raw.variance / light**2).mean(axis=2) / raw.shot.shape[2]
+        # Channels share their paths, and with them their errors.
+        return radiance, (np.sqrt(raw.variance) / light).mean(axis=2) ** 2
 
 
 def _pairs(
