@@ -177,7 +177,8 @@ def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages,
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     matches = match_stack(micro.stack, matcher, model.threads)
     disparity, error, confidence = consensus(matches, micro, raw.shot.shape)
-    lit, lens, pitch = (micro.row, micro.column), micro.lit[0], micro.stack.pitch
+    measured, pitch = np.isfinite(disparity[micro.row, micro.column]), micro.stack.pitch
+    lit, lens = (micro.row[measured], micro.column[measured]), micro.lit[0][measured]
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
     depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
