@@ -123,3 +123,10 @@ def test_what_cannot_be_restored(public):
     text = describe(Cloth(Weave.PLAIN, [[1, 2]], area=1.0)).replace("1.0}", "-1.0}")
     with pytest.raises(FileError, match="area is -1.0; it must be at least 0"):
         restore(text)
+
+
+def test_entries_about_a_value_must_be_json(tmp_path):
+    for about in ("text", 3, [], {1: "a"}, {"a": object()}, {"a": float("nan")}, {"a": {1, 2}}):
+        with pytest.raises(InvalidValueError, match="^about is .*; it must be a mapping of names to"):
+            plenoptic.package.save_value(plenoptic.Sensor((4, 4), 0.01), tmp_path / "value.json", about=about)
+    assert not any(tmp_path.iterdir())

@@ -202,7 +202,7 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     Raises
     ------
     InvalidValueError
-        If a part of it is not of this package.
+        If a part of it is not of this package, or `about` is not JSON.
     FileError
         If the file cannot be written.
 
@@ -217,7 +217,16 @@ def save_value(value: Any, path: str | os.PathLike[str], *, about: Mapping[str, 
     """
     if isinstance(value, str | os.PathLike) and not isinstance(path, str | os.PathLike):
         raise InvalidValueError(f"the value is {value!r}; give the value first and then the path")
-    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **(about or {}), "value": to_tree(value)}
+    entries = {} if about is None else about
+    try:
+        if not isinstance(entries, Mapping) or not all(isinstance(name, str) for name in entries):
+            raise TypeError("its names must be texts")
+        json.dumps(dict(entries), allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InvalidValueError(
+            f"about is {about!r:.80}; it must be a mapping of names to what JSON can hold, such as texts: {error}"
+        ) from None
+    content = {"format": FORMAT, "software": f"plenoptic {__version__}", **entries, "value": to_tree(value)}
     write_json(file_path(path), content)
 
 
