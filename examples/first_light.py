@@ -108,7 +108,7 @@ camera = pl.PlenopticCamera(
 # The white image is that of a scene of radiance 1: what vignetting and microlenses leave of it. The first run on a
 # machine compiles for some seconds; compiled code is kept for later ones.
 
-shot = pl.render(scene, camera, samples=SAMPLES, truth=pl.Truth.DEPTH | pl.Truth.CHORD_DISPARITY)
+shot = pl.render(scene, camera, samples=SAMPLES, truth=pl.Truth.DEPTH)
 white = pl.render_white(camera, samples=8)
 for name, exposure in (("raw image", shot), ("white image", white)):
     print(f"{name}: relative error {100 * exposure.relative_error:.2f} %, {exposure.stats.seconds:.1f} s")
@@ -118,11 +118,12 @@ for name, exposure in (("raw image", shot), ("white image", white)):
 # ---------------------------
 #
 # Neighbouring microlenses see a point of the scene at different places. This disparity, in pixels, says how to put
-# their images together. Here it is the true one; ``pl.lightfield.depth(shot, white).disparity`` finds it in the images.
+# their images together. ``depth`` finds it where there is texture; ``fill`` interpolates it on the wall, which has none.
 # Planes to refocus on are in mm of the camera's frame, which looks along -z.
 
 FINE = 0.217 / 8  # mm on the array from pixel to pixel of a picture
-sharp = pl.lightfield.render_view(shot, white, shot.truth.chord_disparity, spacing=FINE)
+found = pl.lightfield.depth(shot, white)
+sharp = pl.lightfield.render_view(shot, white, found, spacing=FINE, fill=True)
 near, far = (pl.lightfield.render_view(shot, white, z=z, spacing=FINE) for z in (-374.0, -438.0))
 depth = sharp.truth(scene, truth=pl.Truth.DEPTH).depth
 for name, view in (("sharp everywhere", sharp), ("near", near), ("far", far)):
