@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from types import ModuleType
@@ -85,8 +87,25 @@ def matlab_array(content: bytes, name: str, limits: FileLimits) -> NDArray[Any]:
         raise ValueError("it is no .mat file of version 5, 7 or 7.3")
     if is_older:
         return _matlab_5_array(content, name, limits)
-    with hdf5().File(io.BytesIO(content), "r") as opened:
+    with open_hdf5(content) as opened:
         return hdf5_array(opened, name, len(content), limits).T
+
+
+@contextmanager
+def open_hdf5(content: bytes) -> Iterator[Any]:
+    """Context manager of an HDF5 file in memory; ValueError if texts in it would keep the library busy for ever."""
+    for found in re.finditer(rb"GCOL\x01\0\0\0", content):  # global heaps, HDF5 file format, III.E
+        end = found.start() + int.from_bytes(content[found.end() : found.end() + 8], "little")
+        position = found.end() + 8
+        while position + 16 <= min(end, len(content)):
+            size = int.from_bytes(content[position + 8 : position + 16], "little")
+            if not any(content[position : position + 2]):
+                if size < 16:
+                    raise ValueError("a heap of texts has free space of no size")
+                break
+            position += 16 + size + -size % 8
+    with hdf5().File(io.BytesIO(content), "r") as opened:
+        yield opened
 
 
 def hdf5_item(group: Any, name: str) -> Any:
