@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.array_files import hdf5, hdf5_array, hdf5_item
+from plenoptic.core.files.array_files import hdf5, hdf5_array, hdf5_item, open_hdf5
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
@@ -159,7 +159,7 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
     """
     target = file_path(path)
     content = read_file(target, limits)
-    with content_errors(target, "is no .vox file"), hdf5().File(io.BytesIO(content), "r") as opened:
+    with content_errors(target, "is no .vox file"), open_hdf5(content) as opened:
         if opened.attrs.get("description") not in ("VoxelDataFormat", b"VoxelDataFormat"):
             raise ValueError("its description is not VoxelDataFormat")
         image, white, dark = (
