@@ -30,6 +30,11 @@ SCENE = {
 }
 
 
+def test_each_page_has_a_title_of_its_own():
+    titles = [page.read_text(encoding="utf-8").splitlines()[0] for page in DOCS.rglob("*.md")]
+    assert sorted(set(titles)) == sorted(titles)
+
+
 def blocks(page, kind):
     return re.findall(rf"^```{kind}\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 

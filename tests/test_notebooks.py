@@ -19,6 +19,27 @@ pytestmark = [
 ]
 
 
+BAR = """
+import sys, time
+sys.modules["ipywidgets"] = None
+from plenoptic.core.progress import bar
+from plenoptic.core.parallel import run_in_order
+bar.DELAY, bar._INTERVAL = 0.1, 0.02
+with bar.CallProgress("waiting", kind="camera", show=True):
+    list(run_in_order(time.sleep, [0.05] * 8, threads=1))
+"""
+
+
+def test_without_ipywidgets_a_bar_is_one_output_and_nothing_stays_of_it():
+    import nbformat
+    from nbclient import NotebookClient
+
+    made = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(BAR)])
+    NotebookClient(made, timeout=120).execute()
+    (output,) = made.cells[0].outputs
+    assert output.output_type == "display_data" and output.data == {"text/plain": ""}
+
+
 NAMES = ("blender_scene", "calibration", "camera_design", "data_set", "large_sensor", "own_lens")
 """One for each kind of user."""
 

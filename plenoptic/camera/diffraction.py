@@ -16,9 +16,7 @@ from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Opening, Walls, has_clear_gaps
 from plenoptic.optics.microlens.lattice import Lattice, polygon_area
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop
-from plenoptic.optics.stops.star import StarStop
+from plenoptic.optics.stops.stop_registry import is_circle, stop_kind
 
 if TYPE_CHECKING:
     from plenoptic.camera.assembly import Assembly
@@ -118,7 +116,7 @@ def check_diffraction(camera: PlenopticCamera) -> None:
 def _entrance_pupil(camera: PlenopticCamera) -> tuple[float, float]:
     """Position z of the entrance pupil in the lens's axes in mm, and its magnification, by the lens's model."""
     lens = camera.lens
-    if not isinstance(lens.stop, CircularStop | PolygonStop | StarStop):
+    if not stop_kind(lens.stop).fills_outline:
         raise InvalidValueError(
             f"diffraction at the iris is asked for, and the pattern of a {type(lens.stop).__name__} is not known; take "
             "a circle, a polygon or a star, or Diffraction()"
@@ -137,7 +135,7 @@ def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> Iris
     if camera.diffraction is None or not camera.diffraction.iris:
         return None
     stop, (z, size) = camera.lens.stop, _entrance_pupil(camera)
-    opening = Opening(stop.outline(_OUTLINE), stop.semi_diameter if isinstance(stop, CircularStop) else math.inf)
+    opening = Opening(stop.outline(_OUTLINE), stop.semi_diameter if is_circle(stop) else math.inf)
     return IrisRecord(far_field(opening, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
 
 

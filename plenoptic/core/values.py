@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast, dataclass_transfo
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.short_repr import short_repr
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 
 Floats = NDArray[np.float64]
@@ -54,9 +55,6 @@ MAX_PIXELS = 1 << 31
 
 MAX_POINTS = 1 << 24
 """Limit of the points, rays or corners of one array: 400 MB of coordinates."""
-
-_MAX_SHOWN = 9
-"""Largest size of an array that is printed in full: that of a rotation matrix."""
 
 
 def read_only(array: NDArray[Number]) -> NDArray[Number]:
@@ -303,14 +301,6 @@ def _hashable(item: Any) -> Any:
     return item.shape, item.tobytes()
 
 
-def _short(item: Any) -> str:
-    if isinstance(item, np.ndarray):
-        if 1 <= item.size <= _MAX_SHOWN and item.ndim <= 2:
-            return repr(item.tolist())
-        return f"<{' x '.join(map(str, item.shape))} {item.dtype}>"
-    return repr(item)
-
-
 def _equal(self: Any, other: object) -> Any:
     fields = dataclasses.fields(self)
     if type(self) is not type(other):
@@ -327,7 +317,7 @@ def _repr(self: Any) -> str:
     for field in dataclasses.fields(self):
         item = getattr(self, field.name)
         if field.repr and not (field.default is not dataclasses.MISSING and _same(item, field.default)):
-            entries.append(f"{field.name}={_short(item)}")
+            entries.append(f"{field.name}={short_repr(item)}")
     return f"{type(self).__name__}({', '.join(entries)})"
 
 

@@ -29,8 +29,8 @@ _COLUMNS = (
     *("mean", "percentile_99", "maximum", "paths", "paths_through_lens", "nonfinite", "stopped_by"),
     *("seconds", "cpu_seconds", "motion_visible"),
 )
-_SIDE, _GAP, _TEXT = 160, 6, 14
-"""Pixels of a picture along its longer side, between pictures, and of a line of text."""
+_SIDE, _GAP, _TEXT, _SPACE = 160, 6, 14, 4
+"""Pixels of a picture along its longer side, between pictures, of a line of text, and between words."""
 _LABEL, _TITLE = 80, 240
 """Smallest width of a picture and of a sheet in pixels, for their captions."""
 _MOST, _ACROSS = 48, 8
@@ -168,13 +168,21 @@ def _row(folder: Path, name: str, images: Sequence[Mapping[str, Any]]) -> Image.
         "RGB", (max(across * right, _TITLE) + _GAP, -(-len(pictures) // across) * down + 2 * _TEXT), "white"
     )
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=_TEXT - 3)
-    draw.text((_GAP, 2), f"{name}: {len(images)} frames, {white:.3g} is white", "black", font)
+    _write(draw, (_GAP, 2), f"{name}: {len(images)} frames, {white:.3g} is white", font)
     for place, (i, picture) in enumerate(zip(chosen, pictures, strict=True)):
         x, y = _GAP + place % across * right, 2 * _TEXT + place // across * down - _GAP
         pixels = np.broadcast_to(codes(picture, scale=white, encoded=True, bits=8), (high, wide, 3))
         sheet.paste(Image.fromarray(np.ascontiguousarray(pixels)), (x, y))
-        draw.text((x, y + high), f"{images[i]['frame']}: {images[i]['time']:.4g} s", "black", font)
+        _write(draw, (x, y + high), f"{images[i]['frame']}: {images[i]['time']:.4g} s", font)
     return sheet
+
+
+def _write(draw: ImageDraw.ImageDraw, corner: tuple[int, int], text: str, font: Any) -> None:
+    """Draw a line of text word by word: at this size Pillow's font has spaces of a pixel."""
+    x, y = corner
+    for word in text.split():
+        draw.text((x, y), word, "black", font)
+        x += round(font.getlength(word)) + _SPACE
 
 
 def _small(store: Path, frame: int) -> NDArray[Any]:

@@ -20,6 +20,7 @@ from .lens.analysis.conditioning import Conditioning as Conditioning
 from .lens.analysis.conditioning import conditioning as conditioning
 from .lens.checks.finding import Finding as Finding
 from .lens.checks.finding import FindingKind as FindingKind
+from .lens.checks.finding import Findings as Findings
 from .lens.files.library import lens_names as lens_names
 from .lens.files.library import load_lens as load_lens
 from .lens.files.library import save_lens as save_lens

@@ -29,7 +29,7 @@ _SMALLEST_SPOT = 0.1
 
 def field_label(field: Floats, z_object: float) -> str:
     """Name of an object point in titles: its angle, or its height."""
-    x, y = (float(component) for component in field)
+    x, y = (float(component) + 0.0 for component in field)  # -0.0 becomes 0.0
     if math.isinf(z_object):
         x, y, unit = math.degrees(x), math.degrees(y), "°"
     else:

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     MAX_POINTS,
     Floats,
@@ -66,6 +67,8 @@ class PhotonTransfer:
         used = self.mean <= self.mean[low] + LINEAR_PART * (self.white_level - self.mean[low])
         square = float(np.sum(signal[used] ** 2))
         return float(np.sum(signal[used] * noise[used])) / square if square > 0 else float("nan")
+
+    _repr_html_ = picture_of
 
 
 def photon_transfer(

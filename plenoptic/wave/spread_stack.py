@@ -15,8 +15,7 @@ from plenoptic.core.values import Floats, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.stop_registry import Stop
+from plenoptic.optics.stops.stop_registry import Stop, is_circle
 from plenoptic.wave.point_image import point_spread
 from plenoptic.wave.wave_spread import WaveSpread
 
@@ -172,7 +171,7 @@ def _is_symmetric(camera: PlenopticCamera) -> bool:
     """True if the camera is symmetric in x and in y."""
     array = camera.microlenses
     assert array is not None
-    round_stops = all(isinstance(e, CircularStop) for e in camera.lens.elements if isinstance(e, Stop))
+    round_stops = all(is_circle(e) for e in camera.lens.elements if isinstance(e, Stop))
     return (
         camera == camera.design
         and array.imperfections is None

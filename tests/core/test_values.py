@@ -1,6 +1,7 @@
 import copy
 import dataclasses
 import enum
+import math
 import pickle
 
 import numpy as np
@@ -86,6 +87,10 @@ def test_repr_is_short_and_leaves_defaults_out():
     assert repr(plate(label="left")) == "Plate(corners=[[0.0, 1.0], [2.0, nan]], label='left')"
     assert repr(plate(corners=np.zeros((5, 2)))) == "Plate(corners=<5 x 2 float64>)"
     assert repr(plate(corners=np.zeros((0, 2)))) == "Plate(corners=<0 x 2 float64>)"
+    assert repr(plate(corners=[[-0.0, 0.1 + 0.2], [486.09999999999997, math.inf]])) == (
+        "Plate(corners=[[0.0, 0.3], [486.1, inf]])"
+    )
+    assert repr(plate(label=(-0.0, [0.1 + 0.2]))) == "Plate(corners=[[0.0, 1.0], [2.0, nan]], label=(0.0, [0.3]))"
     assert repr(Named("left")) == "<left>"
 
 

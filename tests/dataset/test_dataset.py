@@ -145,6 +145,10 @@ def test_places_are_told_of_names_that_one_object_has(tmp_path):
 def test_statistics_and_contact_sheet_are_those_of_the_images(made):
     sheet = np.asarray(Image.open(made.path / "contact_sheet.png").convert("L"))
     assert sheet.shape[1] > 3 * 80 and sheet.min() < 100 and sheet.max() == 255
+    # "left: 3 frames, 0.123 is white": letters are at most 2 pixels apart, words at least 4.
+    inked = (sheet[1:14] < 128).any(axis=0)
+    gaps = np.diff(np.flatnonzero(inked)) - 1
+    assert (gaps >= 4).sum() == 5 and not ((gaps > 2) & (gaps < 4)).any()
     with open(made.path / "statistics.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 6

@@ -246,6 +246,19 @@ def test_without_webgl_a_sentence_and_the_central_view_stay(chromium, viewer, tm
     browser.close()
 
 
+def test_the_ring_of_a_slider_with_focus_leaves_its_label_alone(opened, viewer):
+    ring = """slider => {
+        const style = getComputedStyle(slider), label = slider.parentElement.querySelector("label")
+        const reach = parseFloat(style.outlineWidth) + parseFloat(style.outlineOffset)
+        return [style.outlineStyle, slider.getBoundingClientRect().top - reach - label.getBoundingClientRect().bottom]
+    }"""
+    with opened(viewer) as page:
+        page.focus("#aperture")
+        page.keyboard.press("ArrowRight")
+        style, room = page.eval_on_selector("#aperture", ring)
+    assert style == "solid" and room >= 0
+
+
 def test_notebooks_show_the_page_in_a_frame(browser, viewer):
     page = browser.new_page()
     said = []

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, RayTask, trace_task
+from plenoptic.core.display import picture_of
 from plenoptic.core.kernels.ray_blocks import CAUSES
 from plenoptic.core.lost_rays import cause_and_element
 from plenoptic.core.parallel import run_in_order
@@ -141,6 +142,8 @@ class CameraSpread:
             f"<CameraSpread of {count} point{'s' * (count != 1)}: {rows} x {columns} pixels, "
             f"{landed:.3g} % of {self.rays} rays landed>"
         )
+
+    _repr_html_ = picture_of
 
 
 @result

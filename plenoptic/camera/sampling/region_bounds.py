@@ -27,10 +27,8 @@ from plenoptic.optics.microlens.imperfections import largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import SensorPlane, lone_lens, possible_powers
 from plenoptic.optics.microlens.model_records import ArrayCrossing
-from plenoptic.optics.stops.circle import CircularStop
-from plenoptic.optics.stops.polygon import PolygonStop, convex_hull
-from plenoptic.optics.stops.ring import RingStop
-from plenoptic.optics.stops.stop_registry import Stop
+from plenoptic.optics.stops.polygon import convex_hull
+from plenoptic.optics.stops.stop_registry import Stop, is_convex, stop_kind
 from plenoptic.optics.surfaces.surface import Surface
 
 if TYPE_CHECKING:
@@ -72,8 +70,9 @@ def _edges(stop: Stop) -> tuple[Floats, bool]:
 
     Holes within a circle that they touch all around have no edges.
     """
-    if isinstance(stop, CircularStop | RingStop):
-        return np.zeros((0, 3)), isinstance(stop, CircularStop)
+    kind = stop_kind(stop)
+    if kind.has_round_edge:
+        return np.zeros((0, 3)), kind.is_convex
     outline, corners = np.asarray(stop.outline(_POINTS)), convex_hull(np.asarray(stop.outline(3)))
     sides = np.roll(corners, -1, axis=0) - corners
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
@@ -83,7 +82,7 @@ def _edges(stop: Stop) -> tuple[Floats, bool]:
         normals, exact = normals_of(_SIDES), False
         reach = (outline @ normals.T).max(axis=0) + _ROUNDING * stop.semi_diameter
     else:
-        exact = isinstance(stop, PolygonStop)
+        exact = is_convex(stop)
     return np.column_stack([normals, reach]), exact
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.color import rgb_basis as basis_table
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     Floats,
     check_kind,
@@ -128,6 +129,8 @@ class Sensitivity:
         if self.response is None:
             raise InvalidValueError("the channels are lines, which have no response to tabulate; see `wavelengths`")
         return _interpolate(_as_wavelengths(wavelengths), self.wavelengths, self.response, outside=0.0)
+
+    _repr_html_ = picture_of
 
 
 def rgb_basis(wavelengths: ArrayLike) -> Floats:

@@ -29,14 +29,40 @@ _INTERVAL = 0.5
 _thread_state = threading.local()
 
 
+class _CellLine:
+    """File that shows the last line written to it as one output of a notebook's cell, which a page keeps once.
+
+    Notebooks and pages made from them keep all that the standard error stream gets, in red, one line an update.
+    """
+
+    encoding = "utf-8"
+
+    def __init__(self) -> None:
+        self._handle: Any = None
+
+    def write(self, text: str) -> None:
+        """Show a line that begins with a carriage return in place of the one before; an empty one clears it."""
+        if "\r" not in text:
+            return
+        if self._handle is None:
+            from IPython.display import DisplayHandle
+
+            self._handle = DisplayHandle()
+            self._handle.display({"text/plain": text.strip()}, raw=True)
+        else:
+            self._handle.update({"text/plain": text.strip()}, raw=True)
+
+
 def load_tqdm() -> Any:
-    """`tqdm.auto.tqdm`, without its warning in notebooks that lack ipywidgets and get its text bar.
+    """`tqdm.auto.tqdm`; in notebooks without ipywidgets its text bar, as one output of the cell.
 
     In terminals that do not know their size, where it would print nothing, with 80 columns.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "IProgress not found")
         from tqdm.auto import tqdm
+    if "ipykernel.zmqshell" in sys.modules and all(base.__module__ != "tqdm.notebook" for base in tqdm.__mro__):
+        return functools.partial(tqdm, file=_CellLine())
     if sys.stderr is not None and sys.stderr.isatty() and 0 in os.get_terminal_size(sys.stderr.fileno()):
         return functools.partial(tqdm, ncols=80, nrows=24)
     return tqdm

@@ -12,9 +12,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import to_lens_axes
-from plenoptic.optics.stops.mask import MaskStop
-from plenoptic.optics.stops.ring import RingStop
-from plenoptic.optics.stops.stop_registry import STOPS, Stop, circle_around
+from plenoptic.optics.stops.stop_registry import STOPS, Stop, circle_around, stop_kind
 from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -28,10 +26,10 @@ def shares_axis(element: Element) -> bool:
 
 
 def with_round_stops(elements: Sequence[Element]) -> list[Element]:
-    """Elements with masks and rings replaced by the circles around them: rays in one plane do not sample their
-    openings.
+    """Elements with masks, rings and the like replaced by the circles around them: rays in one plane do not sample
+    their openings.
     """
-    return [circle_around(element) if isinstance(element, MaskStop | RingStop) else element for element in elements]
+    return [e if isinstance(e, Surface) or stop_kind(e).fills_outline else circle_around(e) for e in elements]
 
 
 _ROUNDING = 1e-12
@@ -57,7 +55,7 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     check_count(len(stack))
     for i, element in enumerate(stack):
         if not isinstance(element, Element):
-            *kinds, last = (kind.__name__ for kind in (Surface, *STOPS.values()))
+            *kinds, last = (kind.__name__ for kind in (Surface, *(kind.stop for kind in STOPS.values())))
             raise PrescriptionError(
                 f"element {i} is {element!r}; a lens is made of {', '.join(kinds)} and {last}: remove it or describe "
                 "it as one of these"

@@ -26,7 +26,7 @@ from plenoptic.optics.surfaces.surface import Surface
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from plenoptic.optics.lens.checks.finding import Finding
+    from plenoptic.optics.lens.checks.finding import Findings
 
 
 @value
@@ -288,8 +288,8 @@ class LensStack:
 
     _repr_html_ = picture_of
 
-    def check(self, wavelength: float = 587.6) -> tuple[Finding, ...]:
-        """Check the lens at a wavelength in nm; the result is empty where nothing is implausible.
+    def check(self, wavelength: float = 587.6) -> Findings:
+        """Check the lens at a wavelength in nm: a tuple of findings, empty where nothing is implausible.
 
         Checks include overlapping edges, vignetting, total reflection, and a deviation of the aperture from the lens
         file.
@@ -298,7 +298,7 @@ class LensStack:
         --------
         >>> import plenoptic as pl
         >>> pl.load_lens("double-gauss-100mm-f2").check()
-        ()
+        no findings: nothing is implausible
         """
         from plenoptic.optics.lens.checks.check import findings  # imports this module
 

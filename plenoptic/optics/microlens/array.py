@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     SMALLEST_LENGTH,
     Floats,
@@ -319,3 +320,5 @@ class MicrolensArray:
         corners = np.stack([base + step for step in ([0, 0], [0, 1], [1, 0], [1, 1])]) @ self.basis
         distance = np.linalg.norm(corners - points, axis=-1)
         return np.asarray(np.take_along_axis(corners, distance.argmin(axis=0)[None, :, None], axis=0)[0])
+
+    _repr_html_ = picture_of

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, broadcast, checked_shape, length_in_mm, numbers, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.angular_response import AngularResponse
@@ -109,3 +110,5 @@ class Sensor:
         row = xy[..., 1] / self.pixel_pitch + rows / 2 - 0.5
         column = -xy[..., 0] / self.pixel_pitch + columns / 2 - 0.5
         return np.stack([row, column], axis=-1)
+
+    _repr_html_ = picture_of

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import MAX_POINTS, Floats, broadcast, finite, value, whole
 from plenoptic.optics.element_record import CIRCLE, ElementRow
 from plenoptic.optics.lens.placement import Placement, set_place
@@ -78,3 +79,5 @@ class CircularStop:
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Transmission, 1 in the hole and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
+
+    _repr_html_ = picture_of

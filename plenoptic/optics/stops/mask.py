@@ -8,6 +8,7 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.values import MAX_POINTS, Floats, broadcast, frozen_array, length_in_mm, set_field, value, whole
 from plenoptic.errors import InvalidValueError
@@ -173,6 +174,8 @@ class MaskStop:
     def filled_radius(self) -> float:
         """Radius in mm of the circle that holds all open cells; it stands for the unknown inner radius of a mask."""
         return self.semi_diameter
+
+    _repr_html_ = picture_of
 
 
 def _open_corners(cells: Floats) -> Floats:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     LARGEST_LENGTH,
     MAX_POINTS,
@@ -179,6 +180,8 @@ class PolygonStop:
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Transmission, 1 in the hole and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
+
+    _repr_html_ = picture_of
 
 
 def subdivide(corners: Floats, n: int) -> Floats:

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, broadcast, finite, length_in_mm, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import RING, ElementRow
@@ -90,3 +91,5 @@ class RingStop:
     def transmission_at(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Transmission, 1 in the ring and 0 outside, at points (x, y), mm; x and y are broadcast."""
         return np.asarray(self.contains(x, y), dtype=np.float64)
+
+    _repr_html_ = picture_of

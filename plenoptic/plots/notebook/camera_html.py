@@ -50,7 +50,7 @@ def key_numbers(camera: PlenopticCamera) -> Iterator[_Row]:
     sensitivity = camera.sensitivity
     yield "wavelength", f"{camera.wavelength:g} nm" + ("" if sensitivity is None else ", and those of its sensitivity")
     if camera.pose is not None:
-        yield "position", f"({', '.join(f'{x:.5g}' for x in camera.pose.position)}) mm in the world"
+        yield "position", f"({', '.join(f'{x + 0.0:.5g}' for x in camera.pose.position)}) mm in the world"
     displaced = [n for n in ("lens", "microlenses", "sensor") if getattr(camera, f"{n}_placement") is not None]
     if displaced:
         yield "out of place", ", ".join(displaced)

@@ -21,10 +21,13 @@ _SMALLER = ((1.0, 90), (1.0, 80), (0.75, 80), (0.5, 75), (0.35, 60))
 """Sizes and qualities of JPEG that are tried where a PNG is too large: noise does not compress."""
 
 
-def picture_html(draw: Callable[[Figure], Any], *, size: tuple[float, float], alt: str, text: str) -> str:
+def picture_html(
+    draw: Callable[[Figure], Any], *, size: tuple[float, float], alt: str, text: str, has_caption: bool = True
+) -> str:
     """HTML of the figure that `draw` fills, of some inches, above a text; without matplotlib the text alone.
 
-    `size` is width and height; `alt` describes the figure for those who cannot see it.
+    `size` is width and height; `alt` describes the figure for those who cannot see it. Without a caption, the text
+    stands only where there is no figure.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -37,7 +40,8 @@ def picture_html(draw: Callable[[Figure], Any], *, size: tuple[float, float], al
     draw(figure)
     canvas.draw()
     kind, picture = _small_picture(canvas.buffer_rgba())
-    caption = f"<figcaption>{html.escape(text)}</figcaption>" if text else ""
+    lines = text_html(text) if "\n" in text else html.escape(text)
+    caption = f"<figcaption>{lines}</figcaption>" if text and has_caption else ""
     return (
         f'<figure style="margin:0"><img width="{round(size[0] * DOTS / 2)}" '
         f'style="max-width:100%;height:auto;background:white" alt="{html.escape(alt)}" '

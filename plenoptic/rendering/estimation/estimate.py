@@ -117,7 +117,7 @@ class Estimate:
             ("EXR file", _text(self.file_size, 1e6, "MB")),
             ("checkpoint", _text(self.checkpoint_size, 1e6, "MB")),
         ]
-        return "\n".join([repr(self.plan), *(f"{name:<18} {text}" for name, text in rows)])
+        return "\n".join([*(f"{name:<18} {text}" for name, text in rows), repr(self.plan)])
 
 
 def estimate(  # noqa: PLR0913

@@ -9,7 +9,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.stops.stop_registry import circle_around
+from plenoptic.optics.stops.stop_registry import is_circle
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 from plenoptic.rendering.plan.stages import Decision, Stage, decide, left_out
@@ -120,7 +120,7 @@ def _assembly(camera: PlenopticCamera) -> list[Decision]:
 def _lens(camera: PlenopticCamera) -> list[Decision]:
     lens = camera.lens
     exact = lens.model is LensModel.EXACT
-    stops = [e for e in lens.elements if not isinstance(e, Surface) and circle_around(e) is not e]
+    stops = [e for e in lens.elements if not isinstance(e, Surface) and not is_circle(e)]
     surfaces = [e for e in lens.elements if isinstance(e, Surface)]
     shaped = sum(1 for e in surfaces if e.aspheric or e.conic or e.freeform is not None)
     moved = sum(1 for e in lens.elements if e.placement is not None)

@@ -33,7 +33,9 @@ def test_most_bundled_lenses_are_clean():
     # Model and wavelength make no difference to a clean lens.
     for model in pl.LensModel:
         assert findings(REFERENCE.with_model(model), 450.0) == (), model
-    assert REFERENCE.check() == ()
+    assert REFERENCE.check() == () and str(REFERENCE.check()) == "no findings: nothing is implausible"
+    # They print as sentences, one a line.
+    assert str(found) == f"{found[0].message}\n{found[1].message}" == f"{found!r}"
 
 
 PUBLISHED = {

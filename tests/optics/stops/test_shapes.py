@@ -3,11 +3,14 @@
 import dataclasses
 import itertools
 import math
+import pathlib
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.path import Path
 
 import plenoptic as pl
 from plenoptic.errors import FileError, InvalidValueError
@@ -17,6 +20,8 @@ from plenoptic.optics.lens.trace import trace_part
 from plenoptic.optics.microlens.lattice import polygon_area
 from plenoptic.optics.stops.mask import MaskStop
 from plenoptic.optics.stops.star import StarStop
+from plenoptic.optics.stops.stop_registry import STOPS as STOP_KINDS
+from plenoptic.optics.stops.stop_registry import circle_around, is_circle, is_convex, stop_kind
 from plenoptic.plots.lens import plot_stop
 
 EPS = np.finfo(float).eps
@@ -50,6 +55,33 @@ MASKS = st.builds(any_mask, st.integers(0, 1000), st.integers(1, 9), st.integers
 SHAPES = {"straight": pl.PolygonStop(4, 4.0, 0.2), "curved outwards": pl.PolygonStop(5, 4.0, 0.3, blade_radius=6.0)}
 SHAPES |= {"curved inwards": pl.PolygonStop(7, 4.0, 0.3, blade_radius=-9.0), "star": StarStop(5, 4.0, 2.0, 0.3)}
 SHAPES |= {"mask": MaskStop(RNG.choice([0.0, 0.4, 1.0], (13, 9)), 4.0)}
+
+
+KINDS = SHAPES | {"circle": pl.CircularStop(4.0), "ring": pl.optics.RingStop(4.0, 1.0)}
+
+
+def test_the_registry_tells_the_truth_about_holes():
+    """By points in a square around each: where light passes, between two that pass, and along the rim."""
+    assert {type(stop) for stop in KINDS.values()} == {kind.stop for kind in STOP_KINDS.values()}
+    for name, stop in KINDS.items():
+        kind, points = stop_kind(stop), RNG.uniform(-4.0, 4.0, (20_000, 2))
+        passing = stop.transmission_at(*points.T)
+        inside = points[passing > 0]
+        middle = 0.5 * (inside + RNG.permutation(inside))
+        assert stop.contains(*middle.T).all() == is_convex(stop), name
+        assert stop.contains(*(0.999 * pl.CircularStop(4.0).outline(500)).T).all() == kind.has_round_edge, name
+        within = Path(stop.outline(4000)).contains_points(points)
+        # Points between a chord of the outline and its arc, 8e-7 of the radius apart, are too few to be met.
+        assert np.array_equal(within, passing == 1.0) == kind.fills_outline, name
+        assert is_circle(stop) == (circle_around(stop) is stop) == (name == "circle"), name
+
+
+def test_no_other_file_tells_stops_apart():
+    """Files of lenses may: each format knows its own stops."""
+    package, names = pathlib.Path(pl.__file__).parent, [kind.stop.__name__ for kind in STOP_KINDS.values()]
+    asks = re.compile(rf"(isinstance|type)\([^\n]*\b({'|'.join(names)})\b")
+    rooms = [path for path in package.rglob("*.py") if path.parent.name not in ("stops", "files")]
+    assert [path.name for path in rooms if asks.search(path.read_text("utf-8"))] == []
 
 
 @given(stop=st.one_of(STOPS, CURVED, STARS))

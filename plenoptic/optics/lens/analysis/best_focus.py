@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, check_kind, choice, finite, frozen_array, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
@@ -214,6 +215,8 @@ class ThroughFocus:
     best: float
     field: Floats
     z_object: float
+
+    _repr_html_ = picture_of
 
 
 def through_focus(

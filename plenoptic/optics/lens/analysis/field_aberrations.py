@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, choice, frozen_array, number, positive, result
 from plenoptic.errors import InvalidValueError
@@ -72,9 +73,7 @@ def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:
     """Position z in mm of the paraxial image plane; an error if the image is at infinity."""
     z = image_position(lens, z_object, wavelength)
     if not math.isfinite(z):
-        raise InvalidValueError(
-            f"{lens.name!r} images z_object {z_object:g} mm to infinity, so there is no image plane; move the object"
-        )
+        raise InvalidValueError(f"{lens.name!r} images z_object {z_object:g} mm to infinity; move the object")
     return z
 
 
@@ -123,6 +122,8 @@ class Distortion:
         """(height - ideal) / ideal, (n,): negative for barrel, positive for pincushion distortion; 0 on the axis."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.ideal == 0, 0.0 * self.height, self.height / self.ideal - 1.0)
+
+    _repr_html_ = picture_of
 
 
 def distortion(
@@ -216,6 +217,8 @@ class FieldCurvature:
         """Mean of sagittal and tangential, (n,), mm: about the position of the smallest spot."""
         return np.asarray((self.tangential + self.sagittal) / 2.0)
 
+    _repr_html_ = picture_of
+
 
 def field_curvature(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6
@@ -273,6 +276,8 @@ class Coma:
     zone: float
     z_image: float
     z_object: float
+
+    _repr_html_ = picture_of
 
 
 def coma(
@@ -346,6 +351,8 @@ class DepthDistortion:
         """Harmonic mean of the sagittal and tangential z, (m, n), mm: the mean of their reciprocals."""
         with np.errstate(divide="ignore"):
             return np.asarray(2.0 / (1.0 / self.sagittal + 1.0 / self.tangential))
+
+    _repr_html_ = picture_of
 
 
 def depth_distortion(

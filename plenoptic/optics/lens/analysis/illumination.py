@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
@@ -116,6 +117,8 @@ class Vignetting:
     upper: Floats
     z_object: float
 
+    _repr_html_ = picture_of
+
 
 def vignetting(
     lens: LensStack, fields: ArrayLike, *, z_object: float = -math.inf, wavelength: float = 587.6, grid: int = 64
@@ -200,6 +203,8 @@ class RelativeIllumination:
     standard_error: Floats
     z_image: float
     z_object: float
+
+    _repr_html_ = picture_of
 
 
 def relative_illumination(

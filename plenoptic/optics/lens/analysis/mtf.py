@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     MAX_POINTS,
     Floats,
@@ -66,6 +67,8 @@ class PointSpread:
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
+
+    _repr_html_ = picture_of
 
 
 def point_spread(  # noqa: PLR0913
@@ -177,6 +180,8 @@ class Mtf:
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
+
+    _repr_html_ = picture_of
 
 
 def mtf(

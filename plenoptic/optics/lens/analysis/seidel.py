@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
@@ -85,6 +86,8 @@ class SeidelSums:
         head = f"SeidelSums at {self.wavelength:g} nm, mm\n  element " + "".join(f"{name:>13}" for name in _SUMS)
         rows = [f"  {i:>7} " + "".join(f"{s:>13.5g}" for s in row) for i, row in enumerate(self.table) if row.any()]
         return "\n".join([head, *rows, "      sum " + "".join(f"{s:>13.5g}" for s in self.total)])
+
+    _repr_html_ = picture_of
 
 
 def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, wavelength: float = 587.6) -> SeidelSums:
@@ -209,6 +212,8 @@ class ChromaticShift:
         """
         at_reference = self.focus[np.flatnonzero(self.wavelengths == self.reference)[0]]
         return float(0.5 * (self.focus[0] + self.focus[-1]) - at_reference)
+
+    _repr_html_ = picture_of
 
 
 def chromatic_shift(

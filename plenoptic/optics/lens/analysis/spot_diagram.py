@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import MAX_POINTS, Floats, read_only, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
@@ -102,6 +103,8 @@ class SpotDiagram:
             f"<SpotDiagram: {len(self.x)} rays from {field_text(self.field, self.z_object)} on z = "
             f"{self.z_image:.6g} mm, RMS radius {1e3 * self.rms_radius:.4g} um>"
         )
+
+    _repr_html_ = picture_of
 
 
 def leave_one_out_sums(weights: Sequence[Floats], replicate: NDArray[np.uint8]) -> Floats:
@@ -235,6 +238,8 @@ class RayFan:
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
+
+    _repr_html_ = picture_of
 
 
 def ray_fan(

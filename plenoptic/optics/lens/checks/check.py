@@ -14,7 +14,7 @@ from plenoptic.core.values import Floats, check_kind, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import D_LINE, Medium, abbe_number
-from plenoptic.optics.lens.checks.finding import Finding, FindingKind
+from plenoptic.optics.lens.checks.finding import Finding, FindingKind, Findings
 from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -34,7 +34,7 @@ _STEEPEST = math.tan(math.radians(60.0))
 _INDEX_TOLERANCE, _ABBE_TOLERANCE = 0.01, 0.10
 
 
-def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
+def findings(lens: LensStack, wavelength: float = 587.6) -> Findings:
     """Findings about a lens; see `FindingKind` for the checks.
 
     Findings are no errors: the lens can be traced. Rays of `wavelength` in nm are traced through all surfaces, whatever
@@ -49,7 +49,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> tuple[Finding, ...]:
         all_findings += [*_positions(lens, wave), *ray_findings(lens, wave)]
         reflecting = {i for each in all_findings if each.kind is FindingKind.TOTAL_REFLECTION for i in each.elements}
         all_findings += condition_findings(lens, wave, leave_out=reflecting)
-    return tuple(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
+    return Findings(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
 
 
 def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:

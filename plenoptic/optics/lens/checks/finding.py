@@ -81,3 +81,19 @@ class Finding:
 
     def __str__(self) -> str:
         return self.message
+
+
+class Findings(tuple[Finding, ...]):
+    """Findings of `LensStack.check`, a tuple that prints as sentences, one a line.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> pl.load_lens("double-gauss-100mm-f2").check()
+    no findings: nothing is implausible
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return "\n".join(map(str, self)) or "no findings: nothing is implausible"

@@ -187,7 +187,7 @@ def _own_fields(stop: type[Stop]) -> Iterator[dataclasses.Field[Any]]:
 
 
 def _stop_to_json(stop: Stop, size: dict[str, float]) -> dict[str, Any]:
-    name = next(name for name, kind in STOPS.items() if isinstance(stop, kind))
+    name = next(name for name, kind in STOPS.items() if kind.stop is type(stop))
     row: dict[str, Any] = {"stop": name, **size}
     for field in _own_fields(type(stop)):
         content = getattr(stop, field.name)
@@ -205,7 +205,7 @@ def _element_from_json(data: Any, i: int) -> Element:
         if "placement" in row:
             row["placement"] = Placement(**_fields(row["placement"], "placement", "shift rotation"))
         if "stop" in row:
-            return STOPS[row.pop("stop")](**row)
+            return STOPS[row.pop("stop")].stop(**row)
         row["radius"] = math.inf if row["radius"] is None else row["radius"]
         row["medium"] = _medium_from_json(row["medium"])
         if "freeform" in row:
@@ -226,7 +226,7 @@ def _element_fields(data: Any) -> dict[str, Any]:
     if not (isinstance(name, str) and name in STOPS):
         first, *middle, last = (f'"{kind}"' for kind in STOPS)
         raise PrescriptionError(f"stop is {name!r:.40}; it must be {', '.join([first, *middle])} or {last}")
-    fields = list(_own_fields(STOPS[name]))
+    fields = list(_own_fields(STOPS[name].stop))
     required = " ".join(field.name for field in fields if not field.kw_only)
     optional = " ".join(field.name for field in fields if field.kw_only)
     return dict(_fields(data, "it", f"stop thickness semi_diameter {required}", f"placement {optional}"))

@@ -104,7 +104,7 @@ class ImagedPoint(NamedTuple):
 def field_text(field: Sequence[float] | Floats, z_object: float) -> str:
     """An object point with its unit."""
     x, y = field
-    return f"({x:g}, {y:g}) {'rad' if math.isinf(z_object) else 'mm'}"
+    return f"({x + 0.0:g}, {y + 0.0:g}) {'rad' if math.isinf(z_object) else 'mm'}"
 
 
 def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, result, whole
 from plenoptic.optics.lens.analysis.mtf import checked_frequencies
 from plenoptic.optics.lens.pupil.beam import meridian
@@ -37,6 +38,8 @@ class WaveMtf:
     z_object: float
     z_image: float
     wavelengths: tuple[float, ...]
+
+    _repr_html_ = picture_of
 
 
 def wave_mtf(  # noqa: PLR0913
