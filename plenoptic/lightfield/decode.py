@@ -179,9 +179,9 @@ def decode(  # noqa: PLR0913
     elif views is not None and not (inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any()):
         fitting = max(inside.any(axis=0).sum(), inside.any(axis=1).sum())
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
-    stated, noise = (error, noise) if has_errors else (None, None)
+    stated = error if has_errors else None
     field = field_of(camera, radiance, stated, offsets, grid.origin + origin, grid.spacing, samples)
-    return dataclasses.replace(field, noise=noise)
+    return dataclasses.replace(field, noise=noise if has_errors else None)
 
 
 def _unfocused_array(camera: PlenopticCamera) -> MicrolensArray:

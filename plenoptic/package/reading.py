@@ -134,12 +134,12 @@ def _unpack(source: Path, limits: FileLimits) -> Iterator[Path]:
             room = allowed_memory(source.stat().st_size, limits)
             for entry in entries:
                 is_text = entry.filename.endswith((".csv", ".json"))
-                most = max(_TEXT_EXPANSION * entry.compress_size, 1 << 20) if is_text else limits.file_size
-                most = min(most, limits.file_size, room)
+                limit = max(_TEXT_EXPANSION * entry.compress_size, 1 << 20) if is_text else limits.file_size
+                limit = min(limit, limits.file_size, room)
                 with archive.open(entry) as packed:
-                    content = packed.read(most + 1)
+                    content = packed.read(limit + 1)
                 room -= len(content)
-                if len(content) > most:
+                if len(content) > limit:
                     raise FileError(
                         f"{str(source)!r} holds {entry.filename} and more than may be unpacked; if you trust it, "
                         "unpack it, or give limits=pl.images.FileLimits(file_size=..., memory=...)"

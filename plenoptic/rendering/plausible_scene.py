@@ -42,6 +42,6 @@ def _glass(scene: Scene) -> Iterator[str]:
         if not meshes[k].is_inside_out:
             continue
         low, high = scene.meshes[k].bounds
-        around = (scene.meshes[j].bounds for j in glass if j != k)  # a bubble in glass is none of its own
-        if not any((outer[0] <= low).all() and (high <= outer[1]).all() for outer in around):
+        enclosing = (scene.meshes[j].bounds for j in glass if j != k)  # a bubble in glass is none of its own
+        if not any((outer[0] <= low).all() and (high <= outer[1]).all() for outer in enclosing):
             yield f"the faces of the glass {scene.object_names[k]} wind inwards; turn them: faces[:, ::-1]"

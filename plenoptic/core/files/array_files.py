@@ -138,8 +138,8 @@ def hdf5_array(group: Any, name: str, size: int, limits: FileLimits) -> NDArray[
         chunk = item.id.get_chunk_info(k)
         if _DEFLATED * chunk.size > allowed_memory(size, limits):
             packed = item.id.read_direct_chunk(chunk.chunk_offset)[1]
-            most = math.prod(item.chunks) * item.dtype.itemsize
-            if len(zlib.decompressobj().decompress(packed, most + 1)) > most:
+            chunk_bytes = math.prod(item.chunks) * item.dtype.itemsize
+            if len(zlib.decompressobj().decompress(packed, chunk_bytes + 1)) > chunk_bytes:
                 raise ValueError(f"a chunk of {name} holds more than it says")
     return np.asarray(item[()])
 

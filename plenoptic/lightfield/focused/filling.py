@@ -29,15 +29,17 @@ def fill_disparities(rays: PixelRays, disparity: Floats, known: NDArray[np.bool_
     radiance = rays.at(rays.raw.shot) / rays.at(rays.raw.white)
     low, high = disparity[known].min(), disparity[known].max()
     trust, measured = np.where(np.isfinite(disparity), trust, 0.0), np.nan_to_num(disparity)
-    filled = np.where(known, disparity, np.average(measured, weights=trust))
+    filled = np.where(known, disparity, np.average(measured, weights=trust + 1e-30))
     lens, light = rays.on_image(rays.lens, -1), np.full(rays.raw.shot.shape, np.nan)
     light[rays.row, rays.column] = radiance
-    ties = [_ties(light, axis) * (np.diff(lens, axis=axis) == 0) * (np.delete(lens, 0, axis) >= 0) for axis in (0, 1)]
+    down, across = (
+        _ties(light, axis) * (np.diff(lens, axis=axis) == 0) * (np.delete(lens, 0, axis) >= 0) for axis in (0, 1)
+    )
     weight = rays.on_image(trust + _CELL_TIE, 1.0)
     for _ in range(_PASSES):
         of_cells = _on_cells(rays, filled, measured, trust, radiance)
         target = rays.on_image(trust * measured + _CELL_TIE * of_cells, 0.0)
-        smooth = rays.at(_least_squares(weight, target, *ties, rays.on_image(of_cells, 0.0), _TOLERANCE))
+        smooth = rays.at(_least_squares(weight, target, down, across, rays.on_image(of_cells, 0.0), _TOLERANCE))
         filled = np.where(known, disparity, np.clip(smooth, low, high))
     return filled
 

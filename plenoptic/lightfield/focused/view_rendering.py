@@ -233,23 +233,24 @@ def _sample_sets(
 ) -> list[ViewSamples]:
     """Samples of pixels whose disparity is known, and those of all pixels if unknown ones are to be filled."""
     depth_map = disparity if isinstance(disparity, DepthMap) else None
-    given = disparity.disparity if isinstance(disparity, DepthMap) else disparity
-    in_pitches, everywhere = _picture_focus(rays, given, z)
+    measured = disparity.disparity if isinstance(disparity, DepthMap) else disparity
+    in_pitches, everywhere = _picture_focus(rays, measured, z)
     disparities, width = [in_pitches], _picture_spacing(rays, spacing)
     if fill:
         if not everywhere:
             raise InvalidValueError("fill= needs the disparity of each pixel; a refocused picture has no holes to fill")
-        known, trust = np.isfinite(in_pitches), np.ones(len(in_pitches))
+        is_known, trust = np.isfinite(in_pitches), np.ones(len(in_pitches))
         if depth_map is not None:
             error = rays.at(depth_map.standard_error) * in_pitches / rays.at(depth_map.disparity)
             # The error moves a sample by more than a pixel: its disparity tells no place.
             uncertainty = rays.nearness(in_pitches - error) - rays.nearness(in_pitches + error)
             confidence = np.nan_to_num(rays.at(depth_map.confidence))
             placed = np.abs(uncertainty) <= 2.0 * surface_depth(rays.pupil, width)
-            known &= placed & (confidence >= _LEAST_CONFIDENCE)
+            placed &= is_known & (confidence >= _LEAST_CONFIDENCE)
+            is_known = placed if placed.any() else is_known
             trust = confidence / np.maximum(error / in_pitches / _SMALL_ERROR, 1.0) ** 2
-        trust = np.where(known & np.isfinite(trust), trust, 0.0)
-        disparities = [np.where(known, in_pitches, np.nan), fill_disparities(rays, in_pitches, known, trust)]
+        trust = np.where(is_known & np.isfinite(trust), trust, 0.0)
+        disparities = [np.where(is_known, in_pitches, np.nan), fill_disparities(rays, in_pitches, is_known, trust)]
     return [_picture_samples(rays, d, everywhere, width) for d in disparities]
 
 

@@ -66,11 +66,11 @@ def _around(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: in
         total, squares, largest = np.zeros_like(values), np.zeros_like(values), values.copy()
         for step in product(range(-radius - 1, radius + 2), repeat=2):
             value, weight, lens = (np.roll(plane, step, axis=(0, 1)) for plane in (values, weights, owner))
-            own = lens == owner
-            largest = np.fmax(largest, np.where(own, value, np.nan))
+            in_image = lens == owner
+            largest = np.fmax(largest, np.where(in_image, value, np.nan))
             if max(map(abs, step)) <= radius:
-                total += np.where(own, weight, 0.0)
-                squares += np.where(own, weight, 0.0) * np.nan_to_num(value - values) ** 2
+                total += np.where(in_image, weight, 0.0)
+                squares += np.where(in_image, weight, 0.0) * np.nan_to_num(value - values) ** 2
         return squares / total, largest
 
 

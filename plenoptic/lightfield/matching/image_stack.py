@@ -119,7 +119,7 @@ def spline_coefficients(values: Floats, mask: NDArray[np.bool_]) -> NDArray[np.f
         for after, line in pairwise(lines[::-1]):
             line[:] = SPLINE_POLE * (after - line)
         lines *= 6.0
-    return (coefficients + mean).astype(np.float32)
+    return np.asarray(coefficients + mean, dtype=np.float32)
 
 
 def blur_levels(values: Floats, mask: NDArray[np.bool_], variances: Floats) -> NDArray[np.float32]:

@@ -132,16 +132,16 @@ def _at_zoom_position(
     left_out = dict[str, None]()
     if configuration is None and count > 1:
         left_out[f"all but the first of {count} zoom positions (ZOO; choose by configuration=)"] = None
-    kept, changes = [], []
+    unzoomed, changes = [], []
     for statement in statements:
         if statement.command != "ZOO":
-            kept.append(statement)
+            unzoomed.append(statement)
         elif len(statement.words) > 2 + count - 1 and statement.words[1][:3].upper() in _ZOOMED:
             values = statement.words[-count:]
             changes.append(_Statement(statement.line, [*statement.words[1:-count], values[chosen - 1]]))
         elif len(statement.words) > 2 and not statement.words[1].upper().endswith("C"):
             left_out[f"zoom data of {statement.words[1][:8]}"] = None
-    return [*kept, *changes], left_out
+    return [*unzoomed, *changes], left_out
 
 
 class _Lens:

@@ -168,9 +168,9 @@ def _medium(cells: _Cells, glasses: GlassNames) -> Medium:
     nd = cells.number(3, "n_d")
     if cells.cell(6):
         try:
-            named = glasses._replace(makers=cells.cells[7:8]).medium(cells.cell(6))
-            if abs(named.index(D_LINE) - nd) <= _SAME_GLASS:
-                return named
+            catalogue_glass = glasses._replace(makers=cells.cells[7:8]).medium(cells.cell(6))
+            if abs(catalogue_glass.index(D_LINE) - nd) <= _SAME_GLASS:
+                return catalogue_glass
         except InvalidValueError:
             pass
     return model_medium(nd, cells.number(5, "V_d") if cells.cell(5) else 0.0)
