@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.core.files.array_files import hdf5, hdf5_array, hdf5_item, open_hdf5
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
+from plenoptic.core.files.hdf5_files import hdf5, read_apart, vox_arrays
 from plenoptic.core.values import file_path
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import lens_rows
@@ -159,23 +159,14 @@ def read_plenoptomos(path: str | os.PathLike[str], *, limits: FileLimits = DEFAU
     """
     target = file_path(path)
     content = read_file(target, limits)
-    with content_errors(target, "is no .vox file"), open_hdf5(content) as opened:
-        if opened.attrs.get("description") not in ("VoxelDataFormat", b"VoxelDataFormat"):
-            raise ValueError("its description is not VoxelDataFormat")
-        image, white, dark = (
-            hdf5_array(opened, f"data/{name}", len(content), limits)
-            if name == "image" or f"data/{name}" in opened
-            else None
-            for name in ("image", "white", "dark")
-        )
-        camera, numbers = hdf5_item(opened, "instrument/camera"), dict[str, Any]()
-
-        def note(name: str, item: Any) -> None:
-            if hasattr(item, "dtype") and item.dtype.kind in "iuf":
-                value = hdf5_array(camera, name, len(content), limits)
-                numbers[name] = value if value.ndim else float(value)
-
-        camera.visititems(note)
-        mode = opened["data/image"].attrs["mode"]
-        assert image is not None
-        return VoxFile(image, white, dark, mode.decode() if isinstance(mode, bytes) else str(mode), numbers)
+    with content_errors(target, "is no .vox file"):
+        found = read_apart(vox_arrays, content, limits)
+    camera = "instrument/camera/"
+    numbers = {name.removeprefix(camera): array for name, array in found.items() if name.startswith(camera)}
+    return VoxFile(
+        image=found["data/image"],
+        white=found.get("data/white"),
+        dark=found.get("data/dark"),
+        mode=str(found["mode"]),
+        numbers={name: array if array.ndim else float(array) for name, array in numbers.items()},
+    )

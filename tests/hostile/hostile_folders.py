@@ -243,6 +243,15 @@ def vox_group(file, folder):
     file.create_group("instrument/camera")
 
 
+def texts_without_end(folder):
+    """The first text of a heap as free space of no size: the library looks for the next one there."""
+    read = vox(vox_group)(folder)
+    content = (folder / "a.vox").read_bytes()
+    at = content.index(b"GCOL") + 16
+    (folder / "a.vox").write_bytes(content[:at] + bytes(16) + content[at + 16 :])
+    return read
+
+
 BOMB = b"frame,point,X_mm,Y_mm,Z_mm,k,l,u_px,v_px,blur_px\n" + b",\n" * 10**8
 FOLDERS = {
     "hdf5: bytes of another file": (hdf5(external_bytes), ELSEWHERE),
@@ -256,6 +265,7 @@ FOLDERS = {
     "hdf5: a text": (hdf5(texts), "LF is no array of numbers"),
     "vox: bytes of another file": (vox(vox_bytes), "data/image is stored in other files"),
     "vox: a number of another file": (vox(vox_number_elsewhere), "f1 is stored in other files"),
+    "vox: texts without end": (texts_without_end, "keeps the library busy for ever"),
     "vox: a group": (vox(vox_group), "data/image is no array of numbers"),
     "package: a good one": (package(lambda files: None), None),
     "package: flipped bits": (flipped, r"a\.zip"),
