@@ -207,7 +207,7 @@ class _Probe:
             remedy = f"that is inside of the lens or behind it; {remedy}"
         elif not self.is_past(scene):
             remedy = "it is in view and small: give more samples, or go nearer"
-        if max(float(np.ptp(mesh.bounds, axis=0).max()) for mesh in scene.meshes) < _SMALL:
+        if scene.meshes and max(np.ptp(mesh.bounds, axis=0).max() for mesh in scene.meshes) < _SMALL:
             remedy += '; if it is of a file, give the unit of its numbers: pl.Scene.load(path, unit="m")'
         return f"which lies between {low} and {high} mm; {remedy}"
 
