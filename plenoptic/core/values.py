@@ -80,7 +80,7 @@ def plain_array(values: ArrayLike, name: str) -> NDArray[Any]:
         reason = f"it has the type {array.dtype}"
     except ValueError as error:
         reason = str(error)
-    raise InvalidValueError(f"{name} is not an array of numbers: {reason}")
+    raise InvalidValueError(f"{name} is not an array of numbers: {reason}; give numbers")
 
 
 def numbers(values: ArrayLike, name: str, *, columns: int | None = None) -> Floats:

@@ -13,7 +13,7 @@ from plenoptic import __version__
 from plenoptic.core.files.array_files import matlab_7_3
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import brightest, codes
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
@@ -64,6 +64,7 @@ def lftoolbox(
     LightField(5 x 5 views of 5 x 7 x 3)
     5
     """
+    check_kind(white, "white", Exposure, "pl.render_white(camera)")
     light, name = white.image[crop_in_white_image(shot, white)[0]], plain_name(name)
     field = decode(shot, white, views=views)
     lens = lens_rows(shot, turn=True).whole(shot.image.shape[:2]).rectangle()

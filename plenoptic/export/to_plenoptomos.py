@@ -13,7 +13,7 @@ from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import brightest, codes
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
 from plenoptic.core.files.hdf5_files import hdf5, read_apart, vox_arrays
-from plenoptic.core.values import file_path
+from plenoptic.core.values import check_kind, file_path
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import lens_rows
 from plenoptic.lightfield.raw_arrays import crop_in_white_image
@@ -79,6 +79,7 @@ def plenoptomos(path: str | os.PathLike[str], shot: Exposure, white: Exposure) -
     >>> found.image.shape, found.mode, round(found.numbers["micro_lens/f2"], 6)
     ((110, 154), 'raw', 2.0)
     """
+    check_kind(white, "white", Exposure, "pl.render_white(camera)")
     target, light = file_path(path), white.image[crop_in_white_image(shot, white)[0]]
     if target.suffix.lower() != ".vox":
         raise InvalidValueError(f"path is {str(target)!r}; it must end in .vox")

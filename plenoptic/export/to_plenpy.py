@@ -9,6 +9,7 @@ import numpy as np
 from plenoptic.camera.gaussian import object_plane
 from plenoptic.core.files.atomic_file import write_json
 from plenoptic.core.files.codes import brightest
+from plenoptic.core.values import check_kind
 from plenoptic.export.lattice import lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
 from plenoptic.lightfield.raw_arrays import crop_in_white_image
@@ -42,6 +43,7 @@ def plenpy(folder: str | os.PathLike[str], shot: Exposure, white: Exposure, *, n
     ...     sorted(path.name for path in pathlib.Path(folder).rglob("*.*"))
     ['README.txt', 'shot.json', 'shot.png', 'white.json', 'white.png']
     """
+    check_kind(white, "white", Exposure, "pl.render_white(camera)")
     light = white.image[crop_in_white_image(shot, white)[0]]
     target, name = folder_at(folder, "Images", "Calibration", _WHITE), plain_name(name)
     lens = lens_rows(shot, turn=True)

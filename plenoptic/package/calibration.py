@@ -68,6 +68,7 @@ class CalibrationPoints:
     @classmethod
     def from_csv(cls, text: str) -> CalibrationPoints:
         """Read the text that `to_csv` wrote; a FileError for another text."""
+        check_kind(text, "text", str, "what to_csv returns")
         lines = text.splitlines()
         try:
             if lines[:1] != [",".join(_HEADER)]:

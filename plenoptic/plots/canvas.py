@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.color.srgb import linear_to_srgb
 from plenoptic.core.files.extras import MissingPackageError
+from plenoptic.core.values import check_has
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,9 +50,15 @@ def pyplot() -> Any:
     return plt
 
 
+def literal(text: str) -> str:
+    """A name as matplotlib shows it letter by letter: between dollars it would read mathematics."""
+    return text.replace("$", r"\$")
+
+
 def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
     """The axes given, or those of a new figure of a width and height in inches."""
     if ax is not None:
+        check_has(ax, "ax", "matplotlib Axes", "plt.gca()", "plot")
         return ax
     axes: Axes = figure_or_new(None, size).subplots()
     return axes
@@ -60,6 +67,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
 def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
     """The figure given, or a new one of a width and height in inches."""
     if figure is not None:
+        check_has(figure, "figure", "matplotlib Figure", "plt.figure()", "subplots")
         return figure
     plt = pyplot()
     new: Figure = plt.figure(figsize=size, layout="constrained")

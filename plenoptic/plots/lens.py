@@ -9,7 +9,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import COLOURS, axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new, literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +72,7 @@ def plot_lens(lens: LensStack, ax: Axes | None = None) -> Axes:
             ax.plot([z, z], [-radius, radius], color=_STOP, linewidth=thick)
     ax.axhline(0.0, color=_OTHER_STOP, linewidth=0.6, linestyle="--")
     ax.set_aspect("equal")
-    ax.set(xlabel="z / mm", ylabel="y / mm", title=(lens.name or "lens") + unfolding_note(lens))
+    ax.set(xlabel="z / mm", ylabel="y / mm", title=literal(lens.name or "lens") + unfolding_note(lens))
     return ax
 
 

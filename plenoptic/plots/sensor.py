@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.core.values import check_has
-from plenoptic.plots.canvas import COLOURS, axes_or_new
+from plenoptic.plots.canvas import COLOURS, axes_or_new, literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,9 +46,9 @@ def plot_sensitivity(sensitivity: Sensitivity, ax: Axes | None = None) -> Axes:
         name = f"channel {channel}"
         if response is None:
             line = sensitivity.wavelengths[channel]
-            ax.plot([line, line], [0.0, 1.0], color=colour, label=f"{name}, {line:g} nm")
+            ax.plot([line, line], [0.0, 1.0], color=colour, label=f"{literal(name)}, {line:g} nm")
         else:
-            ax.plot(sensitivity.wavelengths, response[:, channel], color=colour, label=name)
+            ax.plot(sensitivity.wavelengths, response[:, channel], color=colour, label=literal(name))
     ax.axhline(0.0, color=_RULE, linewidth=0.6, zorder=0)
     ax.set(xlabel="wavelength / nm", ylabel="response" if response is None else "response / (1/nm)")
     if response is None:

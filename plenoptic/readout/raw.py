@@ -19,6 +19,7 @@ from plenoptic.core.values import (
     Given,
     check_kind,
     file_path,
+    numbers,
     plain_array,
     seed_number,
     set_field,
@@ -276,7 +277,7 @@ def _checked_data(values: Any, model: SensorModel) -> NDArray[Any]:
 
 
 def _factors(white_balance: Any) -> Floats:
-    factors = np.asarray(white_balance, dtype=np.float64)
+    factors = numbers(white_balance, "white_balance")
     if factors.shape != (3,) or not (np.isfinite(factors) & (factors > 0)).all():
         raise InvalidValueError(f"white_balance is {white_balance!r}; it must be three finite factors above 0")
     return factors

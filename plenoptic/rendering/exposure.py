@@ -270,7 +270,7 @@ class Exposure:
         if ending in (".exr", ".zarr"):
             if scale is not None:
                 raise InvalidValueError(
-                    f"scale is {scale:g}, but {ending} files keep the values as they are; leave it out"
+                    f"scale is {scale!r:.40}, but {ending} files keep the values as they are; leave it out"
                 )
             (exposure_files.save_store if ending == ".zarr" else exposure_files.save_exr)(self, path)
         else:

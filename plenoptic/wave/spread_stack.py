@@ -11,7 +11,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import Floats, numbers, result, whole
+from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.microlens.lattice import Lattice
@@ -116,6 +116,7 @@ def point_spread_stack(
     --------
     See `WaveSpreadStack`, and `pl.export.pyolaf_patterns` for files.
     """
+    check_kind(camera, "camera", PlenopticCamera, "pl.camera.example_camera()")
     array = camera.microlenses
     if array is None or array.lattice not in (Lattice.SQUARE, Lattice.RECTANGULAR):
         raise InvalidValueError(

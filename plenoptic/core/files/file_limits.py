@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from plenoptic.core.files.atomic_file import file_exists, translate_errors
-from plenoptic.core.values import Given, file_path, set_field, value, whole
+from plenoptic.core.values import Given, check_kind, file_path, set_field, value, whole
 from plenoptic.errors import FileError
 
 FILE_SIZE = 1 << 28
@@ -73,6 +73,7 @@ TEXT = FileLimits(file_size=TEXT_SIZE)
 
 def check_file(path: Path, limits: FileLimits = DEFAULT, *, other_bytes: int = 0) -> int:
     """Size of an ordinary file; FileError if it is none, is missing, or is too large together with `other_bytes`."""
+    check_kind(limits, "limits", FileLimits, "pl.images.FileLimits(memory=2**30)")
     if not file_exists(path):
         raise FileError(f"{str(path)!r} does not exist; check the path")
     with translate_errors(path, "read"):

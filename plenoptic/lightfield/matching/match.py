@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.parallel import run_in_order
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import ImageStack, Matches
 
@@ -42,6 +42,7 @@ def plane_sweep(stack: ImageStack, first: int, end: int) -> NDArray[np.float32]:
     """
     from plenoptic.lightfield.kernels.plane_sweep import fill_costs
 
+    check_kind(stack, "stack", ImageStack, "that of the matcher's call")
     shape = stack.values.shape[1:]
     cost = np.empty((end - first, *shape, len(stack.disparities)), np.float32)
     workspace = Workspace(
@@ -63,6 +64,10 @@ def semi_global(cost: NDArray[np.float32], disparities: Floats) -> Floats:
     """
     from plenoptic.lightfield.kernels.semi_global import fill_best_disparities
 
+    if np.ndim(cost) != 4:
+        raise InvalidValueError(
+            f"cost has {np.ndim(cost)} axes; it must be (n, rows, columns, planes) of `plane_sweep`"
+        )
     disparity, path_costs = np.empty(cost.shape[:3]), np.empty((2, cost.shape[3]), np.float32)
     fill_best_disparities(disparity, cost, disparities, np.empty(cost.shape[1:], np.float32), path_costs)
     return disparity
@@ -75,6 +80,9 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
     """
     from plenoptic.lightfield.kernels.subpixel import fill_subpixel
 
+    check_kind(stack, "stack", ImageStack, "that of the matcher's call")
+    if np.ndim(disparity) != 3:
+        raise InvalidValueError(f"disparity has {np.ndim(disparity)} axes; it must be (n, rows, columns)")
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
     fill_subpixel(matches, disparity, stack, np.empty((3, (2 * stack.window_radius + 1) ** 2)), first)
     systematic = stack.shift_error / float(np.hypot(*stack.step.T).max(initial=1e-9))

@@ -147,7 +147,7 @@ def bundled_glasses(maker: str) -> GlassCatalogue:
     >>> entry.nd, entry.vd, entry.wavelength_range
     (1.5168, 64.17, (300.0, 2500.0))
     """
-    if maker not in (*MAKERS, _OTHERS):
+    if not isinstance(maker, str) or maker not in (*MAKERS, _OTHERS):
         raise InvalidValueError(f"maker is {maker!r:.40}; it must be one of {', '.join((*MAKERS, _OTHERS))}")
     return _read(maker)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
 from plenoptic.core.files.text_lines import decode_text, name_line_in_errors, parse_number
-from plenoptic.core.values import LARGEST_WHOLE, check_kind, file_path, finite, set_field, value, whole
+from plenoptic.core.values import LARGEST_WHOLE, check_has, check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium, ModelGlass, Schott, Sellmeier, abbe_number
@@ -81,6 +81,7 @@ class GlassCatalogue:
     _rows: dict[str, tuple[int, ...]] = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        check_has(self.entries, "entries", "sequence of GlassEntry", "the entries of another catalogue", "__iter__")
         set_field(self, "entries", tuple(self.entries))
         for entry in self.entries:
             check_kind(entry, "an entry", GlassEntry, "those of pl.optics.load_glasses(path).entries")

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, broadcast, checked_field, finite, value
+from plenoptic.core.values import Floats, broadcast, check_has, checked_field, finite, value
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
 from plenoptic.optics.surfaces.radius import signed_radius
@@ -113,6 +113,7 @@ class BiconicSag:
 
         CURV and CONI hold along y, PARM 1 is the radius along x (0: flat), and PARM 2 the conic constant along x.
         """
+        check_has(surface, "surface", "ZemaxNumbers", "a surface of a Zemax file", "parameters")
         radius_x = surface.parameters.get(1, 0.0) * surface.unit or math.inf
         radius_y = 1.0 / surface.curvature if surface.curvature else math.inf
         term = cls(radius_x, radius_y, surface.parameters.get(2, 0.0), surface.conic)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.core.values import Floats, broadcast, coefficients, positive, set_field, value
+from plenoptic.core.values import Floats, broadcast, check_has, coefficients, positive, set_field, value
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.surfaces.freeform_bounds import FreeformBounds, VertexShape, ZemaxNumbers
 from plenoptic.optics.surfaces.sag_bounds import RINGS, bernstein_range
@@ -159,6 +159,7 @@ class ZernikeSag:
 
         XDAT are the number of terms, the norm radius, and the coefficients.
         """
+        check_has(surface, "surface", "ZemaxNumbers", "a surface of a Zemax file", "extra")
         extra, unit = surface.extra, surface.unit
         if 1 not in extra or not float(extra[1]).is_integer() or extra[1] < 0:
             raise PrescriptionError("XDAT 1, the number of Zernike terms, is missing or invalid; give it")

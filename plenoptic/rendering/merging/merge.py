@@ -14,7 +14,7 @@ import numpy as np
 
 from plenoptic.core.files.atomic_file import real_path, replace_folder
 from plenoptic.core.files.zarr_files import CHUNK, Region
-from plenoptic.core.values import Floats, check_kind
+from plenoptic.core.values import Floats, check_has, check_kind
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.exposure_files import check_store, create_store, empty_arrays, texts_of
 from plenoptic.rendering.exposure_metadata import ExposureMetadata, fields_of
@@ -34,6 +34,7 @@ class _Strip(NamedTuple):
 
 def merge_exposures(exposures: Iterable[Exposure]) -> Exposure:
     """See `Exposure.merged`."""
+    check_has(exposures, "parts", "sequence of Exposure", "[first, second]", "__iter__")
     parts = list(exposures)
     for part in parts:
         check_kind(part, "an item of parts", Exposure, "an exposure of `render`")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.core.lost_rays import Lost, by_cause, in_words, lost_rays
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, check_kind, result
+from plenoptic.core.values import Floats, check_kind, flag, result
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, SPHERE
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
@@ -212,6 +212,7 @@ def conditioning(lens: LensStack, rays: RayBundle, *, reverse: bool = False) -> 
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
+    reverse = flag(reverse, "reverse")
     return conditioning_of(probe_rays(lens_record(lens, rays.wavelength, reverse=reverse), blocks_of(rays), len(rays)))
 
 

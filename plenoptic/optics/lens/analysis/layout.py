@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import Floats, whole
+from plenoptic.core.values import Floats, finite, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, field_curvature
 from plenoptic.optics.lens.analysis.illumination import largest_field
@@ -120,7 +120,7 @@ def lens_layout(
     chosen = layout_fields(lens, z_object=z, wavelength=wavelength) if fields is None else fields
     radii = checked_fields(lens, chosen, z)
     pupil = INSIDE * fan(whole(rays, "rays", at_least=2, at_most=_MOST_RAYS))
-    plane = z_image
+    plane = None if z_image is None else finite(z_image, "z_image")
     if plane is None:
         image = image_position(lens, z, wavelength)
         plane = image if last_vertex < image < math.inf else None

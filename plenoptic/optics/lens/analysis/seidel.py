@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.display import picture_of
-from plenoptic.core.values import Floats, finite, result
+from plenoptic.core.values import Floats, check_has, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
@@ -305,6 +305,7 @@ def colour_sums(
     lines = checked_wavelengths(wavelengths)
     if len(lines) != 3:
         raise InvalidValueError(f"wavelengths is {list(lines)}; it must be three: short, middle, long, nm")
+    check_has(lens, "lens", "LensStack", "pl.load_lens(...)", "indices")
     short, middle, long = lines
     spread = np.asarray(lens.indices(short)) - np.asarray(lens.indices(long))
     marginal = marginal_ray(lens, z_object, middle)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.core.values import Floats, finite, number, result
+from plenoptic.core.values import Floats, check_has, finite, number, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import bending, end_surfaces, transfer_matrix, without_rounding
 
@@ -198,4 +198,6 @@ def lagrange_invariant(marginal: ParaxialRay, chief: ParaxialRay) -> float:
     >>> round(pl.paraxial.lagrange_invariant(marginal, chief), 4)
     5.0282
     """
+    for name, ray in (("marginal", marginal), ("chief", chief)):
+        check_has(ray, name, "ParaxialRay", f"pl.paraxial.{name}_ray(lens)", "index", "angle", "height")
     return float(marginal.index[0] * (marginal.angle[0] * chief.height[0] - chief.angle[0] * marginal.height[0]))
