@@ -118,7 +118,7 @@ for name, exposure in (("raw image", shot), ("white image", white)):
 # ---------------------------
 #
 # Neighbouring microlenses see a point of the scene at different places. This disparity, in pixels, says how to put
-# their images together. ``depth`` finds it where there is texture; ``fill`` interpolates it on the wall, which has none.
+# their images together. ``depth`` finds it where there is texture; ``fill`` interpolates it on the bare wall.
 # Planes to refocus on are in mm of the camera's frame, which looks along -z.
 
 FINE = 0.217 / 8  # mm on the array from pixel to pixel of a picture
