@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.core.files.zarr_files import Store, Variable, attributes_of, read_arrays
+from plenoptic.core.files.atomic_file import _prefix
+from plenoptic.core.files.zarr_files import Store, Variable, array_shapes, attributes_of, read_arrays
 
 xarray = pytest.importorskip("xarray", reason="the extra `zarr` installs it")
 pytest.importorskip("zarr", reason="the extra `zarr` installs it")
@@ -149,6 +150,25 @@ def test_a_damaged_chunk_is_found(whole, tmp_path):
     with pytest.raises(pl.errors.FileError, match="cannot be read as a zarr store: .*checksum"):
         read_arrays(path, ("image",))
     assert read_arrays(path, ("object",))["object"].shape == SHAPE
+
+
+def test_only_chunks_of_the_rows_that_are_read_are_checked(whole, tmp_path):
+    path = copied(whole, tmp_path)
+    (path / "image" / "c" / "1" / "1" / "0").write_bytes(b"\x28\xb5\x2f\xfd\xe0" + bytes([255] * 16))
+    for rows in (slice(0, 512), slice(500, 512)):
+        expected = pixels(WHOLE)["image"][rows].astype(np.float32)
+        np.testing.assert_array_equal(read_arrays(path, ("image",), rows=rows)["image"], expected)
+    for rows in (slice(None), slice(511, 513), slice(599, 600)):
+        with pytest.raises(pl.errors.FileError, match=r"image/c/1/1/0' holds \d+ bytes where 3145728 belong"):
+            read_arrays(path, ("image",), rows=rows)
+
+
+def test_a_store_whose_writer_was_killed_is_found_by_each_reader(whole, tmp_path):
+    for read in (array_shapes, read_arrays):
+        path = copied(whole, tmp_path)
+        shutil.move(path, path.with_name(f"{_prefix(path)}0.old"))
+        assert "image" in read(path, ("image",)) and path.is_dir()
+        shutil.rmtree(path)
 
 
 def test_what_a_store_claims_is_checked(whole, tmp_path):

@@ -15,6 +15,7 @@ import stat
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -323,22 +324,24 @@ def read_arrays(
             nbytes += numbers * array.dtype.itemsize
         check_memory(2 * nbytes, repr(str(folder)), size, limits)  # an exposure copies its arrays
         for name, array in arrays.items():
-            _check_chunks(folder / name, array, frame)
+            _check_chunks(folder / name, array, frame, rows)
         return {name: np.asarray(array[rows if frame is None else frame]) for name, array in arrays.items()}
 
 
-def _check_chunks(folder: Path, array: Any, frame: int | None) -> None:
-    """Raise an error if chunks are too many, or one claims to be larger than the array says.
+def _check_chunks(folder: Path, array: Any, frame: int | None, rows: slice) -> None:
+    """Raise an error if chunks are too many, or one that is read claims to be larger than the array says.
 
     Also if a chunk of a frame is missing: zarr would silently fill it with nan.
     """
-    counts = [-(-n // chunk) for n, chunk in zip(array.shape, array.chunks, strict=True)]
-    counts = counts if frame is None else counts[1:]
-    if math.prod(counts) > max(_MANY_CHUNKS, math.prod(array.shape) // _SMALL_CHUNK):
-        raise FileError(f"{str(folder)!r} has {math.prod(counts)} chunks, which are too small; save it in larger ones")
+    first, end, _ = rows.indices(array.shape[0])
+    along = range(first // array.chunks[0], -(-end // array.chunks[0])) if frame is None else (frame,)
+    across = [range(-(-n // chunk)) for n, chunk in zip(array.shape[1:], array.chunks[1:], strict=True)]
+    count = math.prod(map(len, (along, *across)))
+    if count > max(_MANY_CHUNKS, math.prod(array.shape) // _SMALL_CHUNK):
+        raise FileError(f"{str(folder)!r} has {count} chunks, which are too small; save it in larger ones")
     largest = math.prod(array.chunks) * array.dtype.itemsize
-    for index in np.ndindex(*counts):
-        path = folder / array.metadata.encode_chunk_key(index if frame is None else (frame, *index))
+    for index in product(along, *across):
+        path = folder / array.metadata.encode_chunk_key(index)
         if path.is_file():
             with open(path, "rb") as file:
                 size = _unpacked_size(file.read(18))
@@ -360,6 +363,7 @@ def _unpacked_size(head: bytes) -> int:
 
 def _open_group(folder: Path, *, mode: str = "r") -> tuple[Any, dict[str, Any]]:
     """Group of a store, and its arrays by name; an error if one cannot be opened, which zarr would skip."""
+    recover_folder(folder)
     with translate_zarr_errors(folder, "read"):
         group = zarr_module().open_group(folder, mode=mode, zarr_format=3, use_consolidated=False)
         names = sorted(entry.name for entry in folder.iterdir() if (entry / METADATA).is_file())

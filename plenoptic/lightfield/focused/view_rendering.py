@@ -32,6 +32,7 @@ from plenoptic.lightfield.focused.splats import (
     surface_depth,
 )
 from plenoptic.lightfield.focused.view import View
+from plenoptic.lightfield.matching.consensus import CONFIDENCE_AT_EDGES
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import checked_viewpoint
 from plenoptic.lightfield.views import LightField
@@ -42,7 +43,7 @@ _HALF_SIDE = 0.6
 """Half the side of the grid of viewpoints, in semi-diameters of the iris; its corners lie at 0.85."""
 _FINEST = 0.01
 """Minimum pixel width of a picture, as a fraction of the pitch."""
-_LEAST_CONFIDENCE, _SMALL_ERROR = 0.7, 0.01
+_SMALL_ERROR = 0.01
 """Relative standard error up to which disparities count by their confidence alone."""
 _PIXELS_PER_PITCH = 6
 """Pixels of a view per pitch."""
@@ -246,7 +247,7 @@ def _sample_sets(
             uncertainty = rays.nearness(in_pitches - error) - rays.nearness(in_pitches + error)
             confidence = np.nan_to_num(rays.at(depth_map.confidence))
             placed = np.abs(uncertainty) <= 2.0 * surface_depth(rays.pupil, width)
-            placed &= is_known & (confidence >= _LEAST_CONFIDENCE)
+            placed &= is_known & (confidence >= CONFIDENCE_AT_EDGES)
             is_known = placed if placed.any() else is_known
             trust = confidence / np.maximum(error / in_pitches / _SMALL_ERROR, 1.0) ** 2
         trust = np.where(is_known & np.isfinite(trust), trust, 0.0)

@@ -14,8 +14,10 @@ from plenoptic.lightfield.matching.micro_images import MicroImages
 _TOLERANCE = 0.03
 """Relative difference, in addition to four standard errors, up to which microlenses agree."""
 
-_EDGE, _CONFIDENCE_AT_EDGES = 0.05, 0.7
-"""Relative difference of disparity at the edge of a surface before another, and the largest confidence beside it."""
+_EDGE = 0.05
+"""Relative difference of disparity at the edge of a surface before another."""
+CONFIDENCE_AT_EDGES = 0.7
+"""Maximum confidence beside such edges, and the least of a `DepthMap` from which views are filled."""
 _MIN_ERROR = 0.003
 """Relative error below which the values of a window weigh the same."""
 _BIAS_OVER_SCATTER = 2.5
@@ -51,7 +53,7 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
     excess = np.fmax(scatter - 2.0 * error**2, 0.0)
     # Surfaces extend beyond their edges by up to the radius of a window.
     at_edge = farthest > value + _EDGE * np.abs(value)
-    confidence = np.where(at_edge, np.fmin(confidence, _CONFIDENCE_AT_EDGES), confidence)
+    confidence = np.where(at_edge, np.fmin(confidence, CONFIDENCE_AT_EDGES), confidence)
     return Matches(value, np.sqrt(error**2 + _BIAS_OVER_SCATTER**2 * excess), confidence)
 
 
