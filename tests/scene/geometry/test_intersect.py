@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from scene_helpers import turned
 
 import plenoptic as pl
@@ -12,6 +13,7 @@ from plenoptic.scene.geometry.embree_run import SceneRunTriangles
 from plenoptic.scene.geometry.geometry_records import INSTANCE_DISTANCE, RAY_OFFSET, Hits
 from plenoptic.scene.geometry.instance import Instances, instance_record
 from plenoptic.scene.geometry.kernels.embree import EmbreeTriangles
+from plenoptic.scene.geometry.kernels.intersect import SHADOW_END
 
 BUILDS = EmbreeTriangles, SceneRunTriangles
 
@@ -147,25 +149,37 @@ def test_what_is_not_asked_for_or_not_there():
         assert ask(build(*records), rays[:0])[0].size == 0
 
 
-def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them():
+@pytest.mark.parametrize("is_copy", [False, True])
+def test_rays_along_shared_edges_find_the_same_whatever_goes_beside_them(is_copy):
     # A board of 40 x 40 squares, and rays towards points some 1e-7 of a square beside its edges and diagonals.
     rng = np.random.default_rng(3)
-    board = pl.Scene([pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)])
-    build, count = build_intersector(board.tables().geometry), 8000
+    squares = [pl.quad((x, y, -404.0), (1, 0, 0), (0, 1, 0)) for x in range(-20, 20) for y in range(-20, 20)]
+    starts = 4 * np.arange(len(squares))[:, None, None]
+    faces = np.stack([square.faces for square in squares]) + starts
+    board = pl.Mesh(np.concatenate([square.vertices for square in squares]), faces.reshape(-1, 3))
+    records = records_of([], [Instances(board, np.eye(4)[None])]) if is_copy else records_of([board])
+    build, count = EmbreeTriangles(*records), 8000
     corners, along = rng.integers(-15, 15, (count, 2)).astype(float), rng.random((count, 1))
     ways = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])[rng.integers(4, size=count)]
     points = corners + along * ways + rng.normal(scale=1e-7, size=(count, 2))
     origins = np.column_stack([rng.normal(scale=0.5, size=(count, 2)), np.zeros(count)])
     directions = np.column_stack([points, np.full(count, -404.0)]) - origins
-    rays = np.ascontiguousarray(np.column_stack([origins, directions / np.linalg.norm(directions, axis=1)[:, None]]))
-    together, mixed, apart = (np.empty(count, np.int32) for _ in range(3))
-    build.fill_closest(Hits(together, None, None), rays)
+    lengths = np.linalg.norm(directions, axis=1)[:, None]
+    # Directions of rays to the board; rays that end some float32 steps before or behind it.
+    whole = np.ascontiguousarray(np.column_stack([origins, directions / lengths]))
+    ends = np.ascontiguousarray(np.column_stack([origins, directions * rng.normal(1.0, 1e-7, (count, 1)) / SHADOW_END]))
     order = rng.permutation(count)
-    build.fill_closest(Hits(mixed, None, None), np.ascontiguousarray(rays[order]))
-    for k in range(count):
-        build.fill_closest(Hits(apart[k : k + 1], None, None), rays[k : k + 1])
-    assert np.array_equal(together, apart) and np.array_equal(together[order], mixed)
-    assert (together >= 0).all()
+
+    def occlusion(rays):
+        blocked = np.full(len(rays), 7, np.uint8)
+        build.fill_occlusion(blocked, rays)
+        return blocked
+
+    for answer, rays in (lambda rays: ask(build, rays)[0], whole), (occlusion, ends):
+        together, mixed = answer(rays), answer(rays[order])
+        apart = np.concatenate([answer(rays[k : k + 1]) for k in range(count)])
+        assert np.array_equal(together, apart) and np.array_equal(together[order], mixed)
+    assert (ask(build, whole)[0] >= 0).all() and 0.1 < together.mean() < 0.9
 
 
 def test_no_ray_slips_between_triangles():

@@ -36,11 +36,12 @@ _SOME = 1000
 """Number of vertices that give their median distance from the middle well enough."""
 _INVALID = np.uint32(0xFFFFFFFF)
 
-# Members of 4 bytes of RTCRay and, behind it, RTCHit (embree4/rtcore_ray.h).
+# Members of RTCRay16 and, behind it, RTCHit16 (embree4/rtcore_ray.h): 4 bytes for each ray of a packet.
+_PACKET = 16
 _ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _ID, _FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
 _PRIMITIVE, _GEOMETRY, _INSTANCE = 17, 18, 19
 _RAYHIT = 40
-"""Room for eight levels of instances, of two numbers each; the library is built for one level by default, the first."""
+"""Room for eight levels of instances, of two members each; the library is built for one level, the first."""
 
 _POINTER, _INT, _UINT, _SIZE = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_size_t
 _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -68,7 +69,7 @@ def _load() -> Any:
         for name, (result, arguments) in _FUNCTIONS.items():
             function = getattr(library, name)
             function.restype, function.argtypes = result, arguments
-        for name in ("rtcIntersect1", "rtcOccluded1"):
+        for name in ("rtcIntersect16", "rtcOccluded16"):
             address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
             llvmlite.binding.add_symbol(name, address)
     except (OSError, AttributeError, TypeError) as error:
@@ -77,8 +78,8 @@ def _load() -> Any:
 
 
 _library = _load()
-_intersect = types.ExternalFunction("rtcIntersect1", types.void(types.intp, types.intp, types.intp))
-_occluded = types.ExternalFunction("rtcOccluded1", types.void(types.intp, types.intp, types.intp))
+_intersect = types.ExternalFunction("rtcIntersect16", types.void(types.intp, types.intp, types.intp, types.intp))
+_occluded = types.ExternalFunction("rtcOccluded16", types.void(types.intp, types.intp, types.intp, types.intp))
 
 
 class _Arguments(ctypes.Structure):
@@ -193,52 +194,57 @@ def _release(scenes: list[int], device: int) -> None:
 
 
 @device
-def _new_ray():
-    """An RTCRayHit at a multiple of 16 bytes, with the members that are the same for all rays."""
-    rows = np.zeros(_RAYHIT + 4, np.float32)
-    shift = (-rows.ctypes.data) % 16 // 4
-    ray = rows[shift : shift + _RAYHIT]
-    ray.view(np.uint32)[_MASK] = _INVALID
-    return ray
+def _new_packet():
+    """An RTCRayHit16 at a multiple of 64 bytes, the same bytes as integers, and the mask of its rays."""
+    rows, flags = np.zeros((_RAYHIT + 1) * _PACKET, np.float32), np.zeros(2 * _PACKET, np.int32)
+    first, first_flag = (-rows.ctypes.data) % 64 // 4, (-flags.ctypes.data) % 64 // 4
+    packet = rows[first : first + _RAYHIT * _PACKET]
+    number = packet.view(np.uint32)
+    number[_MASK * _PACKET : (_MASK + 1) * _PACKET] = _INVALID
+    return packet, number, flags[first_flag : first_flag + _PACKET]
 
 
 @device
-def _begin(ray, number, rays, i, middle, far):
-    """Write ray i, relative to the middle, in which nothing has been met."""
-    ray[_ORIGIN] = rays[i, 0] - middle[0]
-    ray[_ORIGIN + 1] = rays[i, 1] - middle[1]
-    ray[_ORIGIN + 2] = rays[i, 2] - middle[2]
-    ray[_DIRECTION], ray[_DIRECTION + 1], ray[_DIRECTION + 2] = rays[i, 3], rays[i, 4], rays[i, 5]
-    ray[_FAR] = far
-    number[_GEOMETRY] = _INVALID
-    number[_INSTANCE] = _INVALID
+def _begin(packet, number, is_ray, rays, i, middle, far):
+    """Write up to 16 rays from ray i on, relative to the middle, in which nothing has been met; return their number."""
+    count = min(_PACKET, rays.shape[0] - i)
+    for j in range(count):
+        for k in range(3):
+            packet[(_ORIGIN + k) * _PACKET + j] = rays[i + j, k] - middle[k]
+            packet[(_DIRECTION + k) * _PACKET + j] = rays[i + j, 3 + k]
+    for j in range(_PACKET):
+        is_ray[j] = -1 if j < count else 0
+        packet[_FAR * _PACKET + j] = far
+        number[_GEOMETRY * _PACKET + j] = _INVALID
+        number[_INSTANCE * _PACKET + j] = _INVALID
+    return count
 
 
-# One ray at a time: packets of 16 take a quarter longer, and the hit of a ray near an edge depends on the others.
+# The hit of a ray does not depend on the others of its packet.
 @kernel
 def _fill_closest(triangles, instances, first, rays, middle, scene, arguments):
-    ray, center = _new_ray(), vector(middle, 0)
-    number, address = ray.view(np.uint32), ray.ctypes.data
-    for i in range(rays.shape[0]):
-        _begin(ray, number, rays, i, center, np.inf)
-        _intersect(scene, address, arguments)
-        hit = number[_GEOMETRY] != _INVALID
-        row = np.int32(number[_PRIMITIVE])
-        instance = np.int32(-1)
-        if first is not None and hit and number[_INSTANCE] != _INVALID:
-            instance = np.int32(number[_INSTANCE])
-            row += first[instance]
-        if instances is not None:
-            instances[i] = instance
-        triangles[i] = row if hit else np.int32(-1)
+    (packet, number, is_ray), center = _new_packet(), vector(middle, 0)
+    for i in range(0, rays.shape[0], _PACKET):
+        count = _begin(packet, number, is_ray, rays, i, center, np.inf)
+        _intersect(is_ray.ctypes.data, scene, packet.ctypes.data, arguments)
+        for j in range(count):
+            hit = number[_GEOMETRY * _PACKET + j] != _INVALID
+            row = np.int32(number[_PRIMITIVE * _PACKET + j])
+            instance = np.int32(-1)
+            if first is not None and hit and number[_INSTANCE * _PACKET + j] != _INVALID:
+                instance = np.int32(number[_INSTANCE * _PACKET + j])
+                row += first[instance]
+            if instances is not None:
+                instances[i + j] = instance
+            triangles[i + j] = row if hit else np.int32(-1)
 
 
 @kernel
 def _fill_occlusion(blocked, rays, middle, scene, arguments):
-    ray, center = _new_ray(), vector(middle, 0)
-    number, address = ray.view(np.uint32), ray.ctypes.data
-    for i in range(rays.shape[0]):
-        _begin(ray, number, rays, i, center, SHADOW_END)
-        _occluded(scene, address, arguments)
-        # Embree marks an occluded ray by a far end of minus infinity.
-        blocked[i] = 1 if ray[_FAR] < 0.0 else 0
+    (packet, number, is_ray), center = _new_packet(), vector(middle, 0)
+    for i in range(0, rays.shape[0], _PACKET):
+        count = _begin(packet, number, is_ray, rays, i, center, SHADOW_END)
+        _occluded(is_ray.ctypes.data, scene, packet.ctypes.data, arguments)
+        for j in range(count):
+            # Embree marks an occluded ray by a far end of minus infinity.
+            blocked[i + j] = 1 if packet[_FAR * _PACKET + j] < 0.0 else 0
