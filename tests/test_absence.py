@@ -212,7 +212,8 @@ BENT = {
     "illuminated.sources": AROUND,
     "illuminated.kernel": KernelTable(ROWS, ROWS, 1, 1, 1, PLANE, COLUMN, 1, 0.0, 1.0),
 }
-MAP = Environment(_example("f4[:,:,::1]"), COLUMN, ROWS, ROWS, COLUMN, 0.5, 1.0)
+GUIDES = _example("u2[::1]"), _example("u2[:,::1]")
+MAP = Environment(_example("f4[:,:,::1]"), COLUMN, ROWS, *GUIDES, ROWS, ROWS, COLUMN, 0.5, 1.0)
 PICTURE = TextureColumn(PLACES, np.empty(1, TEXTURE), _example("f4[::1]"))
 OWN = np.empty(1, MICROLENS)
 COLOUR = {"wavelengths.number": NUMBERS, "wavelengths.basis": ROWS}

@@ -168,10 +168,14 @@ class PathIntegrator:
             from plenoptic.scene.materials.kernels.absorption import fill_absorption
 
             fill_absorption(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
-        if scene.emission is not None or any(part is not None for part in scene.lights.sky):
+        if scene.emission is not None:
             from plenoptic.rendering.integrator.kernels.emission import add_emission
 
-            add_emission(radiance, queue, hits, scene.geometry, scene.emission, scene.lights.sky, wavelengths)
+            add_emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
+        if any(part is not None for part in scene.lights.sky):
+            from plenoptic.rendering.integrator.kernels.sky_emission import add_sky
+
+            add_sky(radiance, queue, hits, scene.lights.sky, wavelengths)
 
     def _scatter(
         self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None

@@ -44,6 +44,10 @@ from plenoptic.scene.materials.build_materials import color_rows
 _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
 depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
+_TEXELS_PER_GUIDE = 4
+_LEFT = 0.75
+"""Fraction of a map's mean radiance that is left to scattered rays. All of it would raise the variance under a map with
+a sun, where the rest of the sky is below the mean, to 1.7 times what it is without."""
 
 
 class Emitters(NamedTuple):
@@ -214,6 +218,10 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
     """Compile an environment map; None where it is black, so that there is nothing to see or draw.
 
     `channels` are those of the scene, 1 only for maps whose channels are equal. Its probability is left at 0.
+
+    Directions are drawn by the radiance above a fraction of its mean: scattered rays find the rest as well, and the
+    weights of both ways then vary less (O. Karlik, M. Sik, P. Vevoda, T. Skrivan and J. Krivanek, ACM Transactions on
+    Graphics 38(6), 151 (2019), DOI 10.1145/3355089.3356565).
     """
     if not environment.texels.any():
         return None
@@ -221,13 +229,14 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
     solid_angle = texel_solid_angles(rows, columns)
     # Weights in their final place: large maps have few copies of themselves.
     weight = environment.texels.mean(axis=2, dtype=np.float64)
+    total = float(weight.sum(axis=1) @ solid_angle)
+    np.maximum(weight - _LEFT * total / (4 * math.pi), 0.0, out=weight)
     columns_cdf = np.cumsum(weight, axis=1)
     row_weight = columns_cdf[:, -1] * solid_angle
     lit = row_weight > 0
     np.divide(columns_cdf, columns_cdf[:, -1:].copy(), out=columns_cdf, where=lit[:, None])
     rows_cdf = np.cumsum(row_weight)
-    total = float(rows_cdf[-1])
-    rows_cdf /= total
+    rows_cdf /= rows_cdf[-1]
     # What is drawn are the steps of the cumulative sums, roundings included.
     pdf = weight
     pdf[:, 0] = columns_cdf[:, 0]
@@ -237,9 +246,23 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
     if texels.shape[2] != channels:
         texels = texels[..., :1] if channels == 1 else np.repeat(texels, channels, axis=2)
     rotation = None if environment.rotation is None else contiguous(environment.rotation.reshape(9))
-    return Environment(
-        contiguous(texels), contiguous(rows_cdf), contiguous(columns_cdf), contiguous(pdf), rotation, 0.0, total
-    )
+    columns_guide = np.stack([_guide(cdf, columns // _TEXELS_PER_GUIDE) for cdf in columns_cdf])
+    tables = texels, rows_cdf, columns_cdf, _guide(rows_cdf, rows), columns_guide, _row_edges(rows), pdf
+    return Environment(*map(contiguous, tables), rotation, 0.0, total)
+
+
+def _guide(cdf: Floats, size: int) -> NDArray[np.uint16]:
+    """Guide table of a cumulative distribution, of at least `size` entries: see `sample_guided_cdf`."""
+    size = 1 << max(size - 1, 0).bit_length()
+    return np.minimum(np.searchsorted(cdf, np.arange(size) / size, side="right"), cdf.size - 1).astype(np.uint16)
+
+
+def _row_edges(rows: int) -> Floats:
+    """(rows, 3): 1 - cosine of the polar angles of both edges of each row, from the nearer pole; 1 there, or -1."""
+    row = np.arange(rows)
+    up = np.where(2 * row < rows, 1.0, -1.0)
+    near, far = (np.where(up > 0, edge, rows - edge) for edge in (row, row + 1))
+    return np.stack([*(2 * np.sin(0.5 * np.pi * edge / rows) ** 2 for edge in (near, far)), up], axis=-1)
 
 
 def texel_solid_angles(rows: int, columns: int) -> Floats:

@@ -39,8 +39,9 @@ DELTA = -1.0
 class Environment(NamedTuple):
     """An environment of H x W texels. All arrays are C-contiguous and read-only.
 
-    A texel is drawn with a probability proportional to its mean radiance over the channels times its solid angle: first
-    its row, then its column, then a direction in it, uniform in solid angle.
+    A texel is drawn with a probability proportional to its solid angle times its radiance, the mean of its channels, as
+    far as that exceeds 0.75 of the mean over all directions: first its row, then its column, then a direction in it,
+    uniform in solid angle.
     """
 
     texels: NDArray[np.float32]
@@ -48,9 +49,15 @@ class Environment(NamedTuple):
     rows_cdf: Floats
     """(H,): cumulative probability of the rows; the last is exactly 1."""
     columns_cdf: Floats
-    """(H, W): that of the columns of each row, the last exactly 1; zeros in black rows."""
+    """(H, W): that of the columns of each row, the last exactly 1; zeros in rows that are not drawn."""
+    rows_guide: NDArray[np.uint16]
+    """(G,): first row whose cumulative probability exceeds k / G."""
+    columns_guide: NDArray[np.uint16]
+    """(H, G): that of the columns of each row."""
+    edges: Floats
+    """(H, 3): 1 - cosine of both edges of each row, from the nearer pole; 1 where that is the upper one, else -1."""
     pdf: Floats
-    """(H, W), 1/sr: probability per solid angle, the same all over a texel; 0 where the map is black."""
+    """(H, W), 1/sr: probability per solid angle, the same all over a texel; 0 where it is not drawn."""
     rotation: Floats | None
     """(9,): the map's rotation, row by row. None where it has the axes of the world."""
     probability: float

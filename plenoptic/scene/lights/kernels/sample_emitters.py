@@ -147,10 +147,7 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     sun_colors = lights.sky.sun_colors
     environment = lights.sky.environment
     environment_texels = environment.texels
-    rows_cdf = environment.rows_cdf
-    columns_cdf = environment.columns_cdf
     environment_pdf = environment.pdf
-    rotation = environment.rotation
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = 1
@@ -205,7 +202,7 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
             value = _fill_sun_sample(rows, i, point, u, v, suns[row], far)
             _fill_row(color, sun_colors, row)
         if environment_texels is not None and kind == ENVIRONMENT:
-            w, at_row, at_column = sample_environment(u, v, rows_cdf, columns_cdf, rotation)
+            w, at_row, at_column = sample_environment(u, v, environment)
             _fill_distant_sample(rows, i, point, w, far)
             rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
             value = 1.0 / rows[i, PDF] if rows[i, PDF] > 0.0 else 0.0

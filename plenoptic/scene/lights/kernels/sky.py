@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+from plenoptic.core.kernels.arctan import arctan2
+from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.vectors import dot, sub
 from plenoptic.core.numba.jit import device
 
@@ -17,83 +19,79 @@ INSIDE = 2.0**-30
 @device
 def sample_cdf(cdf, u):
     """Index of the entry of a cumulative distribution that holds u, and u stretched to [0, 1) within it."""
-    return _bisect(cdf, u, 0, cdf.size - 1)
-
-
-@device
-def _bisect(cdf, u, low, high):
-    """Find an entry as `sample_cdf` does, within low and high."""
+    low, high = 0, cdf.size - 1
     while low < high:
         middle = (low + high) // 2
         if cdf[middle] > u:
             high = middle
         else:
             low = middle + 1
-    before = cdf[low - 1] if low > 0 else 0.0
-    return low, min(max((u - before) / (cdf[low] - before), 0.0), 1.0)
+    return low, _stretch(cdf, low, u)
 
 
 @device
-def sample_long_cdf(cdf, u):
-    """Find an entry as `sample_cdf` does, for long tables: the search begins where u lies for equal shares.
+def sample_guided_cdf(cdf, guide, u):
+    """Find an entry as `sample_cdf` does, by a guide table: guide[int(u guide.size)] is where the search begins.
 
-    From there it goes outwards in growing steps, then bisects: a row of a large map is rarely in the cache.
+    H.-C. Chen and Y. Asau, AIIE Transactions 6, 163 (1974). The size of the table is a power of two.
     """
-    last = cdf.size - 1
-    guess = min(int(u * cdf.size), last)
-    step = 4
-    if cdf[guess] > u:
-        high = guess
-        while high - step >= 0 and cdf[high - step] > u:
-            high -= step
-            step *= 4
-        low = max(high - step + 1, 0)
-    else:
-        low = guess + 1
-        while low + step <= last and not cdf[low + step] > u:
-            low += step + 1
-            step *= 4
-        high = min(low + step, last)
-    return _bisect(cdf, u, low, high)
+    k = int(guide[int(u * guide.size)])
+    while cdf[k] <= u:
+        k += 1
+    return k, _stretch(cdf, k, u)
 
 
 @device
-def environment_texel(d, rows, columns, rotation):
-    """Row and column of the texel in which a direction of the world lies; its length is of no account."""
-    x, y, z = d
-    if rotation is not None:
-        # The transpose turns back.
-        x = rotation[0] * d[0] + rotation[3] * d[1] + rotation[6] * d[2]
-        y = rotation[1] * d[0] + rotation[4] * d[1] + rotation[7] * d[2]
-        z = rotation[2] * d[0] + rotation[5] * d[1] + rotation[8] * d[2]
-    polar = math.atan2(math.sqrt(x * x + z * z), y)
-    azimuth = math.atan2(x, -z)
-    row = int(polar * (rows / math.pi))
-    column = int((azimuth + math.pi) * (columns / (2.0 * math.pi)))
+def _stretch(cdf, k, u):
+    """U from the extent of entry k to [0, 1)."""
+    before = cdf[k - 1] if k > 0 else 0.0
+    return min(max((u - before) / (cdf[k] - before), 0.0), 1.0)
+
+
+@device
+def map_axes(rotation):
+    """Axes of the map in the world: scalars, so that loops need not read them again."""
+    if rotation is None:
+        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    return (
+        (rotation[0], rotation[3], rotation[6]),
+        (rotation[1], rotation[4], rotation[7]),
+        (rotation[2], rotation[5], rotation[8]),
+    )
+
+
+@device
+def map_angles(direction, axes):
+    """Polar angle from the map's +y, and azimuth from its -z, of a direction of the world of any length."""
+    x, y, z = dot(axes[0], direction), dot(axes[1], direction), dot(axes[2], direction)
+    return arctan2(math.sqrt(x * x + z * z), y), arctan2(x, -z)
+
+
+@device
+def texel_at(angles, rows, columns):
+    """Row and column of the texel at a polar angle and azimuth."""
+    row, column = int(angles[0] * (rows / math.pi)), int((angles[1] + math.pi) * (columns / (2.0 * math.pi)))
     return max(0, min(row, rows - 1)), max(0, min(column, columns - 1))
 
 
 @device
-def sample_environment(u, v, rows_cdf, columns_cdf, rotation):
+def sample_environment(u, v, environment):
     """A unit vector drawn by the light that comes from there, from u and v in [0, 1), and row and column of its texel.
 
     Its probability per steradian is `Environment.pdf[row, column]`.
     """
-    rows, columns = columns_cdf.shape
-    row, across = sample_cdf(rows_cdf, u)
-    column, along = sample_long_cdf(columns_cdf[row], v)
+    columns, rotation = environment.columns_cdf.shape[1], environment.rotation
+    row, across = sample_guided_cdf(environment.rows_cdf, environment.rows_guide, u)
+    column, along = sample_guided_cdf(environment.columns_cdf[row], environment.columns_guide[row], v)
     across = min(max(across, INSIDE), 1.0 - INSIDE)
     along = min(max(along, INSIDE), 1.0 - INSIDE)
     # Counted from the nearer pole, 1 - cos and the sine keep their digits however small the texels there are.
-    up = 1.0 if 2 * row < rows else -1.0
-    near = row if up > 0.0 else rows - row
-    far = row + 1 if up > 0.0 else rows - row - 1
-    first = math.sin(0.5 * math.pi * near / rows)
-    last = math.sin(0.5 * math.pi * far / rows)
-    height = 2.0 * (first * first + across * (last * last - first * first))
+    first, last, up = environment.edges[row, 0], environment.edges[row, 1], environment.edges[row, 2]
+    height = first + across * (last - first)
     sine = math.sqrt(height * (2.0 - height))
-    azimuth = 2.0 * math.pi * (column + along) / columns - math.pi
-    x, y, z = sine * math.sin(azimuth), up * (1.0 - height), -sine * math.cos(azimuth)
+    # Azimuth plus pi, as a fraction of a turn.
+    c, s = turn((column + along) / columns)
+    x, y, z = -sine * s, up * (1.0 - height), sine * c
     if rotation is None:
         return (x, y, z), row, column
     turned = (
@@ -127,12 +125,3 @@ def add_suns(color, direction, pdf, suns, sun_colors):
                 counts = weight(pdf, sun.pdf / (2.0 * math.pi * sun.cap))
                 for c in range(color.size):
                     color[c] += counts * sun_colors[s, c]
-
-
-@device
-def add_environment(color, direction, pdf, texels, texel_pdf, rotation, probability):
-    """Add the texel that lies in a direction, which was drawn with a density."""
-    row, column = environment_texel(direction, texels.shape[0], texels.shape[1], rotation)
-    counts = weight(pdf, probability * texel_pdf[row, column])
-    for c in range(color.size):
-        color[c] += counts * texels[row, column, c]
