@@ -10,7 +10,8 @@ from PIL import Image
 
 from plenoptic.core.color.srgb import Encoding, linear_to_srgb, srgb_to_linear
 from plenoptic.core.files import images
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
+from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.textures.texture import Texture
 
 
@@ -218,6 +219,53 @@ def test_channels_of_layers_and_in_lower_case(tmp_path, names, picture, alpha):
     assert images.read_header(tmp_path / "a.exr").picture == list(picture)
     opacity = np.ones((2, 3), np.float32) if alpha is None else data[:, :, names.index(alpha)]
     np.testing.assert_array_equal(images.read_linear(tmp_path / "a.exr", channel=3)[:, :, 0], opacity)
+
+
+def write_parts(path, parts):
+    """An EXR file of several parts, each a number for each of its channels."""
+    import OpenImageIO as oiio
+
+    specs = []
+    for name, values in parts.items():
+        specs.append(oiio.ImageSpec(4, 2, len(values), oiio.FLOAT))
+        specs[-1].channelnames = tuple(values)
+        specs[-1].attribute("oiio:subimagename", name)
+    sink = oiio.ImageOutput.create(str(path))
+    assert sink.open(str(path), tuple(specs))
+    for number, values in enumerate(parts.values()):
+        assert number == 0 or sink.open(str(path), specs[number], "AppendSubimage")
+        assert sink.write_image(np.tile(np.array([*values.values()], dtype=np.float32), (2, 4, 1)))
+    assert sink.close()
+
+
+COLOURED, OTHER = {"R": 0.5, "G": 0.25, "B": 2.0, "A": 0.75}, {"R": 7.0, "G": 7.0, "B": 7.0}
+
+
+def test_the_first_part_of_an_exr_file_that_has_colours_is_read(tmp_path):
+    path, depth, listed = tmp_path / "a.exr", {"Z": 9.0}, r"a\.exr' has the parts "
+    for parts, said in (
+        ({"depth": depth, "beauty": COLOURED, "other": OTHER}, r"depth \(Z\), beauty .*; only beauty is read"),
+        ({"beauty": COLOURED, "depth": depth}, r"beauty \(R, G, B, A\), depth \(Z\); only beauty is read"),
+    ):
+        write_parts(path, parts)
+        with pytest.warns(FileWarning, match=listed + said):
+            np.testing.assert_array_equal(images.read_linear(path), np.tile(np.float32([0.5, 0.25, 2.0]), (2, 4, 1)))
+        with pytest.warns(FileWarning, match=listed + said):
+            assert Texture.load(path).texels[1, 3].tolist() == [0.5, 0.25, 2.0]
+        with pytest.warns(FileWarning, match=listed + said):
+            assert EnvironmentMap.load(path).texels[0, 0].tolist() == [0.5, 0.25, 2.0]
+        with pytest.warns(FileWarning, match=listed + said):
+            assert images.read_linear(path, channel=3)[0, 0, 0] == 0.75
+        with pytest.warns(FileWarning, match=listed + said):
+            assert {name: plane[0, 0] for name, plane in images.read_channels(path)[0].items()} == COLOURED
+        with pytest.warns(FileWarning, match=listed + said):
+            assert images.read_header(path).picture == ["R", "G", "B"]
+    write_parts(path, {"grey": {"Y": 0.5}, "depth": depth})
+    with pytest.warns(FileWarning, match="only grey is read"):
+        assert images.read_linear(path)[0, 0].tolist() == [0.5]
+    write_parts(path, {"depth": depth, "position": {"X": 1.0, "Y": 2.0, "Z": 3.0}})
+    with pytest.raises(FileError, match=listed + r"depth \(Z\), position \(X, Y, Z\); one needs R, G, B, or Y: write"):
+        images.read_linear(path)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [*itertools.product("-+", "+-")])

@@ -88,6 +88,22 @@ def picture_names(names: list[str], path: str | os.PathLike[str]) -> list[str]:
     return next(iter(pictures.values()), single)
 
 
+def picture_part(parts: list[tuple[str, list[str]]], path: str | os.PathLike[str]) -> int:
+    """Number of the first part of an EXR file, by names and channels, that has R, G, B in a layer, or Y.
+
+    A warning names the parts of which one is read.
+    """
+    if len(parts) == 1:
+        return 0
+    listed = ", ".join(f"{name or number} ({', '.join(names)})" for number, (name, names) in enumerate(parts))
+    for number, (name, names) in enumerate(parts):
+        layers, channels = ({channel.upper().rpartition(".")[at] for channel in names} for at in (0, 2))
+        if {"R", "G", "B"} <= channels or ("" in layers and "Y" in channels and not channels & {"X", "RY"}):
+            warn(f"{os.fspath(path)!r} has the parts {listed}; only {name or number} is read", FileWarning)
+            return number
+    raise FileError(f"{os.fspath(path)!r} has the parts {listed}; one needs R, G, B, or Y: write it to a file alone")
+
+
 def alpha_name(names: list[str], path: str | os.PathLike[str]) -> str | None:
     """Name of the opacity channel of a file, in the layer of its picture; None if it has none."""
     layer, dot, _ = ("", "", "") if "A" in names else picture_names(names, path)[0].rpartition(".")

@@ -32,6 +32,7 @@ from plenoptic.core.files.codes import (
     each_channel,
     picture_names,
     picture_of,
+    picture_part,
     picture_shape,
     stored_metadata,
 )
@@ -71,7 +72,8 @@ def read_linear(
     ----------
     path : path-like
         PNG, JPEG, TIFF, EXR, HDR, or anything else that OpenImageIO reads. The picture of an EXR file is its display
-        window, and the only layer that has R, G, B where its channels have layers.
+        window, and the only layer that has R, G, B where its channels have layers. Of several parts it is the first
+        that has R, G, B, or Y, and a FileWarning names them.
     encoding : Encoding, optional
         Encoding of integers, whatever the file states (a PNG's gAMA, an ICC profile), with a FileWarning where SRGB is
         given and the file says that they are linear. None: linear if the file says so, else SRGB, with a FileWarning
@@ -125,7 +127,7 @@ def read_channels(
     Parameters
     ----------
     path : path-like
-        An image file.
+        An image file. Of an EXR file of several parts it is the one that `read_linear` takes.
     limits : FileLimits
         Limits of the size of the file, and of the image.
 
@@ -316,6 +318,8 @@ def _open_image(
             reason = f"{reason.partition('. Image')[0]}; if you trust it, give limits=pl.images.FileLimits(memory=...)"
         raise FileError(f"{name!r} cannot be read as an image: {reason}; give an image file")
     try:
+        if source.format_name() == "openexr":
+            source.seek_subimage(picture_part(list(_parts(source)), name), 0)
         spec = source.spec()
         rows, columns = picture_shape(spec, source.format_name())
         if max_pixels is not None and rows * columns > max_pixels:
@@ -330,6 +334,15 @@ def _open_image(
         raise FileError(f"{name!r} is damaged: it holds an invalid text; restore it from its origin") from error
     finally:
         source.close()
+
+
+def _parts(source: Any) -> Iterator[tuple[str, list[str]]]:
+    """Names of the parts of an open file, and of their channels: none of deep parts, which are no pictures."""
+    number = 0
+    while source.seek_subimage(number, 0):
+        spec, number = source.spec(), number + 1
+        yield str(spec.get_string_attribute("oiio:subimagename")), [] if spec.deep else list(spec.channelnames)
+    source.geterror()  # that there is no further part
 
 
 def _image_path(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:
