@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -86,6 +86,15 @@ def picture_names(names: list[str], path: str | os.PathLike[str]) -> list[str]:
             "or a single channel"
         )
     return next(iter(pictures.values()), single)
+
+
+def file_parts(source: Any) -> Iterator[tuple[str, list[str]]]:
+    """Names of the parts of a file that OpenImageIO reads, and of their channels; deep parts have none here."""
+    number = 0
+    while source.seek_subimage(number, 0):
+        spec, number = source.spec(), number + 1
+        yield str(spec.get_string_attribute("oiio:subimagename")), [] if spec.deep else list(spec.channelnames)
+    source.geterror()  # that there is no further part
 
 
 def picture_part(parts: list[tuple[str, list[str]]], path: str | os.PathLike[str]) -> int:

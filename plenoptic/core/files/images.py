@@ -30,6 +30,7 @@ from plenoptic.core.files.codes import (
     channel_number,
     decode_picture,
     each_channel,
+    file_parts,
     picture_names,
     picture_of,
     picture_part,
@@ -319,7 +320,7 @@ def _open_image(
         raise FileError(f"{name!r} cannot be read as an image: {reason}; give an image file")
     try:
         if source.format_name() == "openexr":
-            source.seek_subimage(picture_part(list(_parts(source)), name), 0)
+            source.seek_subimage(picture_part(list(file_parts(source)), name), 0)
         spec = source.spec()
         rows, columns = picture_shape(spec, source.format_name())
         if max_pixels is not None and rows * columns > max_pixels:
@@ -334,15 +335,6 @@ def _open_image(
         raise FileError(f"{name!r} is damaged: it holds an invalid text; restore it from its origin") from error
     finally:
         source.close()
-
-
-def _parts(source: Any) -> Iterator[tuple[str, list[str]]]:
-    """Names of the parts of an open file, and of their channels: none of deep parts, which are no pictures."""
-    number = 0
-    while source.seek_subimage(number, 0):
-        spec, number = source.spec(), number + 1
-        yield str(spec.get_string_attribute("oiio:subimagename")), [] if spec.deep else list(spec.channelnames)
-    source.geterror()  # that there is no further part
 
 
 def _image_path(path: str | os.PathLike[str], endings: tuple[str, ...]) -> Path:

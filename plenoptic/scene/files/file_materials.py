@@ -7,12 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.color.srgb import srgb_to_linear
 from plenoptic.core.files.file_limits import FileReader
-from plenoptic.core.values import Floats
-from plenoptic.core.warn import warn
-from plenoptic.errors import FileWarning
-from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture
 
@@ -55,11 +50,3 @@ def number_or_texture(texture: Texture) -> float | Texture:
 def dark_or_not(emission: Colour | Texture) -> Colour | Texture:
     """Emitted light; 0 for a black image, which must not make a light of the mesh."""
     return 0.0 if isinstance(emission, Texture) and not emission.texels.any() else emission
-
-
-def vertex_colour(file_name: str, colours: Floats) -> Lambertian:
-    """The one colour of all vertices or faces (n, 3), sRGB from 0 to 1 or to 255; grey, and a warning, for several."""
-    if np.any(colours != colours[0]):
-        warn(f"{file_name}: colours that vary from vertex to vertex, or from face to face, are left out", FileWarning)
-        return Lambertian()
-    return Lambertian(colour_of(srgb_to_linear(colours[0] / (255 if colours[0].max() > 1 else 1))))

@@ -73,11 +73,13 @@ def load_file(
     `ThinGlass` where they transmit all light; `Emissive` where they are unlit (KHR_materials_unlit). Sheen, occlusion
     maps, normal maps of clear coats and others beyond these are left out. Normal maps go by the directions of the
     texture; a warning says where a file has tangents that differ. Those of OBJ files are converted by the table of
-    `plenoptic.scene.files.obj.obj_material`. Parts without a material take the colour that all their vertices or faces
-    have; all others are grey, `Lambertian(0.5)`, with a warning where their colours vary, or where an OBJ file names a
-    material file or material that is missing. Images are decoded by their use, sRGB for colours and linear for all
-    other data, whatever they state of themselves, such as a PNG's gAMA. Morph targets have the weights of their node,
-    else of their mesh. Concave polygons keep their area.
+    `plenoptic.scene.files.obj.obj_material`. Parts without a material take the colours of their vertices or faces, by a
+    texture where these vary: OBJ and PLY files have them in sRGB, and reflectances are interpolated between vertices,
+    to half a code of 8 bits or with a warning; their opacity is left out. Those of glTF files are linear and multiply
+    the material, where it has no textures. All others are grey, `Lambertian(0.5)`, with a warning where an OBJ file
+    names a material file or material that is missing, or where facets of an STL file have attributes. Images are
+    decoded by their use, sRGB for colours and linear for all other data, whatever they state of themselves, such as a
+    PNG's gAMA. Morph targets have the weights of their node, else of their mesh. Concave polygons keep their area.
 
     Lights (KHR_lights_punctual) and cameras are those of glTF files. The file's candela and lux are taken as scene
     units: irradiance is I / d^2 at the distance d in the file's unit of length.

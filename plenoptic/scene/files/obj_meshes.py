@@ -12,9 +12,9 @@ from plenoptic.core.files.text_lines import decode_text, parse_numbers, word_sta
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
-from plenoptic.scene.files.file_materials import vertex_colour
 from plenoptic.scene.files.obj import obj_materials
 from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
+from plenoptic.scene.files.vertex_colours import matt_colours
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -39,7 +39,7 @@ def obj_meshes(
     libraries = [name for _, name in lines.said("mtllib")]
     materials = obj_materials(file_name, libraries, labels, reader) if material is None else {}
     vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
-    colours = lines.columns(b"v", 6)[:, 3:] if lines.width(b"v") >= 6 else None
+    colours = _colours(file_name, lines) if material is None else None
     lengths, rows = lines.faces(file_name, (len(vertices), len(uv), len(normals)))
     triangles, polygon = triangulate(vertices, lengths, rows[0])
     objects = dict.fromkeys(name for _, name in lines.said("o") if name)
@@ -52,19 +52,22 @@ def obj_meshes(
         v, vt, vn = (row[corners.ravel()] for row in rows)
         if len(v) == 0 or not has_area(vertices, v.reshape(-1, 3)):
             continue
-        faces, corner = shared_vertices(v, *(row if row.max() >= 0 else None for row in (vt, vn)))
-        v, vt, vn = v[corner], vt[corner], vn[corner]
+        key, corner_uv = vt, _rows(uv, vt)
         chosen = material if material is not None else materials.get(label)
         if chosen is None:
-            chosen = Lambertian() if colours is None else vertex_colour(file_name, colours[v])
+            chosen = Lambertian()
+            if colours is not None:
+                chosen, texels = matt_colours(file_name, colours[v].reshape(-1, 3, 3), reader)
+                key, corner_uv = texels or (key, corner_uv)
         elif chosen.row().textures and vt.max(initial=-1) >= 0 and vt.min() < 0:
             warn(f"{file_name}: some faces of the material {label!r} have no uv; they show one texel", FileWarning)
+        faces, corner = shared_vertices(v, *(row if row.max() >= 0 else None for row in (key, vn)))
         yield Mesh(
-            scale * vertices[v],
+            scale * vertices[v[corner]],
             faces.reshape(-1, 3),
             chosen,
-            _rows(normals, vn),
-            _rows(uv, vt),
+            _rows(normals, vn[corner]),
+            None if corner_uv is None else corner_uv[corner],
             label if len(labels) > 1 and label else default,
         )
 
@@ -130,10 +133,9 @@ class _Lines:
             self._numbers[keyword] = numbers, counts
         return self._numbers[keyword]
 
-    def width(self, keyword: bytes) -> int:
-        """Numbers that every line of a keyword has."""
-        counts = self._parse(keyword)[1]
-        return int(counts.min()) if len(counts) else 0
+    def counts(self, keyword: bytes) -> Indices:
+        """Numbers of each line of a keyword."""
+        return self._parse(keyword)[1]
 
     def columns(self, keyword: bytes, width: int) -> Floats:
         """(n, width): the first numbers behind a keyword."""
@@ -178,6 +180,16 @@ class _Lines:
                 )
             rows.append(np.nan_to_num(row, nan=-1.0).astype(np.int64))
         return np.bincount(lines, minlength=len(line_of_face)), tuple(rows)
+
+
+def _colours(file_name: str, lines: _Lines) -> Floats | None:
+    """(n, 3) codes behind the positions of all vertices; None where some have none, with a warning if others have."""
+    counts = lines.counts(b"v")
+    if counts.min(initial=6) >= 6:
+        return lines.columns(b"v", 6)[:, 3:]
+    if counts.max() >= 6:
+        warn(f"{file_name}: colours are left out, which only some of its vertices have", FileWarning)
+    return None
 
 
 def _labels(lines: _Lines) -> tuple[list[str], Indices]:

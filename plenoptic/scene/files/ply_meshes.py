@@ -15,8 +15,9 @@ from plenoptic.core.files.text_lines import parse_numbers, word_starts
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning, PlenopticError
-from plenoptic.scene.files.file_materials import REPLACE, file_texture, vertex_colour
+from plenoptic.scene.files.file_materials import REPLACE, file_texture
 from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
+from plenoptic.scene.files.vertex_colours import matt_colours
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -44,7 +45,8 @@ def ply_meshes(
 ) -> Iterator[Mesh]:
     """The mesh of a PLY file whose unit is `scale` mm, in mm: its faces and strips of triangles.
 
-    The texture that it names is read by `reader`; a material replaces it, and the colours of the file.
+    The texture that it names is read by `reader`, else the colours of its vertices or faces count, without their
+    opacity; a material replaces both.
     """
     end = _END.search(content)
     if end is None:
@@ -59,23 +61,35 @@ def ply_meshes(
         count = 0 if vertices is None else len(vertices)
         raise FileError(f"its faces name vertices out of bounds for {count} of them; export it again")
     lengths = np.concatenate([polygons.lengths, np.full(len(strips) // 3, 3)])
-    triangles = triangulate(vertices, lengths, numbers)[0]
+    triangles, polygon = triangulate(vertices, lengths, numbers)
     faces = numbers[triangles]
     if len(faces) == 0 or not has_area(vertices, faces):
         return
-    uv, normals, colours = _columns(vertex, _UV), _columns(vertex, ("nx ny nz",)), _columns(vertex, _COLOURS)
-    colours = _columns(face, _COLOURS) if colours is None else colours[np.unique(faces)]
-    wedges = _lists(face, ("texcoord",))
-    if len(wedges.lengths) and np.array_equal(wedges.lengths, 2 * lengths):  # a vertex has a uv in each of its faces
-        wedge_uv = wedges.numbers.reshape(-1, 2)[triangles.ravel()].astype(np.float64)
-        corners, (_, same) = faces.ravel(), np.unique(wedge_uv, axis=0, return_inverse=True)
-        faces, corner = shared_vertices(corners, same.ravel())
-        rows, uv = corners[corner], wedge_uv[corner]
-        vertices, normals = vertices[rows], None if normals is None else normals[rows]
-    chosen = _texture(file_name, header, reader) if material is None else material
+    uv, normals = _columns(vertex, _UV), _columns(vertex, ("nx ny nz",))
+    chosen, texels = _texture(file_name, header, reader) if material is None else material, None
     if chosen is None:
-        chosen = Lambertian() if colours is None else vertex_colour(file_name, colours)
+        codes = _corner_codes(vertex, face, faces, polygon)
+        chosen, texels = (Lambertian(), None) if codes is None else matt_colours(file_name, codes, reader)
+    wedges = _lists(face, ("texcoord",))
+    if texels is None and len(wedges.lengths) and np.array_equal(wedges.lengths, 2 * lengths):
+        corner_uv = wedges.numbers.reshape(-1, 2)[triangles.ravel()].astype(np.float64)
+        texels = np.unique(corner_uv, axis=0, return_inverse=True)[1].ravel(), corner_uv
+    if texels is not None:  # a vertex has a uv in each of its faces
+        key, corner_uv = texels
+        corners = faces.ravel()
+        faces, corner = shared_vertices(corners, key)
+        rows, uv = corners[corner], corner_uv[corner]
+        vertices, normals = vertices[rows], None if normals is None else normals[rows]
     yield Mesh(scale * vertices, faces.reshape(-1, 3), chosen, normals, uv, file_name)
+
+
+def _corner_codes(vertex: _Element, face: _Element, faces: Indices, polygon: Indices) -> Floats | None:
+    """(m, 3 corners, 3) codes of colours of triangles: those of vertices, else those of polygons; None for neither."""
+    codes = _columns(vertex, _COLOURS)
+    if codes is not None:
+        return codes[faces]
+    codes = _columns(face, _COLOURS)
+    return None if codes is None or polygon.max() >= len(codes) else np.repeat(codes[polygon, None], 3, axis=1)
 
 
 def _columns(element: _Element, choices: tuple[str, ...]) -> Floats | None:
@@ -123,7 +137,9 @@ def _elements(header: str, body: bytes) -> dict[str, _Element]:
     """The elements of a file by name. Their counts are checked first: plyfile makes room for all that they promise."""
     from plyfile import PlyData, PlyListProperty
 
-    lines = [line for line in header.split("\n") if line.split()[:1] not in ([], ["comment"], ["obj_info"])]
+    first = header.find("\nelement") + 1
+    lines = [line for line in header[:first].split("\n") if line.split()[:1] in (["ply"], ["format"])]
+    lines += [line for line in header[first:].split("\n") if line.split()[:1] not in ([], ["comment"], ["obj_info"])]
     text = "\n".join([*lines, "end_header\n"]).encode()
     layout = PlyData.read(BytesIO(re.sub(rb"(?m)^(element +\S+ +)\S+", rb"\g<1>0", text)))
     counts = [int(line.split()[2]) for line in lines if line.startswith("element")]
@@ -161,7 +177,7 @@ def _text_rows(types: list[_Type], tokens: Floats, lines: Indices, count: int) -
         for at in lines[:count].tolist():
             for _, length_type, _ in types:
                 places.append(at)
-                at += 1 + int(numbers[at]) if length_type else 1
+                at += 1 + int(numbers[at]) if length_type and at < len(numbers) else 1
             row_ends.append(at)
         begins, ends = np.array(places, dtype=np.int64).reshape(-1, len(types)), np.array(row_ends, dtype=np.int64)
     else:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from io import BytesIO
-from typing import Any, cast
 
 import numpy as np
 
-from plenoptic.errors import FileError
-from plenoptic.scene.files.file_materials import vertex_colour
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -23,7 +22,7 @@ def stl_meshes(file_name: str, content: bytes, scale: float, material: Material 
     """The meshes of an STL file whose unit is `scale` mm, in mm, of a material or grey."""
     import trimesh
 
-    _check_stl(content)
+    content = _whole_stl(file_name, content)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         # NumPy only warns, and trimesh goes on, where text stops being numbers.
@@ -33,26 +32,30 @@ def stl_meshes(file_name: str, content: bytes, scale: float, material: Material 
         if isinstance(part, trimesh.Trimesh) and has_area(np.asarray(part.vertices), np.asarray(part.faces)):
             # trimesh makes up normals when asked for them; only the file's are there before.
             normals = part.vertex_normals if "vertex_normals" in part._cache else None
-            chosen = material
-            if chosen is None:
-                chosen, visual = Lambertian(), cast(Any, part.visual)
-                if visual.kind in ("vertex", "face"):
-                    codes = visual.vertex_colors if visual.kind == "vertex" else visual.face_colors
-                    chosen = vertex_colour(file_name, np.asarray(codes)[:, :3] / 255)
+            if material is None and np.any(part.face_attributes.get("stl", 0)):
+                said = "the attributes of its facets, which some programs use for colours, are left out"
+                warn(f"{file_name}: {said}", FileWarning)
+            chosen = Lambertian() if material is None else material
             yield Mesh(scale * part.vertices, part.faces, chosen, normals, name=file_name)
 
 
-def _check_stl(content: bytes) -> None:
-    """Refuse an STL file that is not whole: trimesh takes a binary one for text, in which it finds nothing."""
+def _whole_stl(file_name: str, content: bytes) -> bytes:
+    """An STL file without what follows its last triangle; trimesh would take such a binary file for an empty text.
+
+    A `FileError` for one that is not whole.
+    """
     if b"endsolid" in content.lower():
         count = content.lower().count(b"endsolid")
         if count > _PARTS:
             raise FileError(f"it has {count} parts; at most {_PARTS} are read: join them, or write several files")
-        return
+        return content
     if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
         raise FileError("it is cut off: it has no 'endsolid'; export it again")
     announced = 84 + 50 * int.from_bytes(content[80:84], "little")
-    if len(content) != announced:
+    if len(content) < announced:
         raise FileError(
             f"it is cut off, or no STL file: it has {len(content)} bytes instead of {announced}; export it again"
         )
+    if len(content) > announced:
+        warn(f"{file_name}: {len(content) - announced} bytes behind its last triangle are left out", FileWarning)
+    return content[:announced]

@@ -265,13 +265,17 @@ def test_unlit_materials_shine_and_specular_glossiness_becomes_plastic(tmp_path)
     assert material_of(tmp_path, told) == pl.MetallicRoughness((0.5, 0.5, 0.25), 0.0, 0.25)
 
 
-def test_the_one_colour_of_all_vertices_is_a_factor_and_several_are_left_out_with_a_warning(tmp_path):
+def test_the_one_colour_of_all_vertices_is_a_factor_and_several_are_left_out_beside_textures(tmp_path):
     told = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}, "alphaMode": "BLEND"}
     found = material_of(tmp_path, told, colours=[(0.5, 0.25, 1, 0.5)] * 4)
     assert found.base == (0.25, 0.25, 1.0) and found.opacity == 0.5
-    with pytest.warns(UserWarning, match="vary from vertex to vertex"):
-        found = material_of(tmp_path, told, colours=[(0, 0, 0, 1), *[(1, 1, 1, 1)] * 3])
-    assert found.base == (0.5, 1.0, 1.0)
+    several = [(0, 0, 0, 1), *[(1, 1, 1, 1)] * 3]
+    textured = {"pbrMetallicRoughness": {"baseColorTexture": IMAGE}}
+    with pytest.warns(UserWarning, match="colours that vary from vertex to vertex are left out: its material"):
+        assert material_of(tmp_path, textured, colours=several).base == texture()
+    with pytest.warns(UserWarning, match="opacities that vary"):
+        found = material_of(tmp_path, told, colours=[(0.5, 0.25, 1, 0.5), *[(0.5, 0.25, 1, 1)] * 3])
+    assert found.base == (0.25, 0.25, 1.0) and found.opacity == 1.0
 
 
 def test_an_image_is_one_texture_in_all_materials_that_use_it_alike(tmp_path):

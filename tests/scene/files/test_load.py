@@ -69,10 +69,6 @@ def test_a_single_colour_without_a_material_is_decoded(tmp_path):
         mesh.export(tmp_path / "box.ply")
         (loaded,) = pl.load_meshes(tmp_path / "box.ply")
         np.testing.assert_allclose(loaded.material.albedo, linear, atol=1e-4)
-    mesh.visual.vertex_colors[0] = [1, 2, 3, 255]
-    mesh.export(tmp_path / "box.ply")
-    with pytest.warns(pl.errors.FileWarning, match=r"box\.ply: colours that vary"):
-        assert pl.load_meshes(tmp_path / "box.ply")[0].material == pl.Lambertian(0.5)
     # That of a GLB is linear.
     mesh.visual.vertex_colors = [51, 102, 255, 255]
     (tmp_path / "box.glb").write_bytes(trimesh.Scene(mesh).export(file_type="glb"))
@@ -102,6 +98,27 @@ def test_every_kind_is_read_closed_and_outside_out(tmp_path):
         assert len(mesh.faces) == 320 and volume(mesh) == pytest.approx(4.05, abs=0.03), kind
         assert mesh.material == pl.Lambertian(0.5), kind
         np.testing.assert_allclose(pl.load_meshes(path)[0].bounds, scale * mesh.bounds, rtol=1e-6)
+
+
+def test_bytes_behind_the_triangles_of_an_stl_are_left_out_with_a_warning(tmp_path):
+    """As in HalfDonut.stl of numpy-stl, which ends with one byte too many."""
+    corners = np.float32([[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 2, 0), (0, 1, 0)]])
+    facets = b"".join(bytes(12) + triangle.tobytes() + bytes(2) for triangle in corners)
+    (tmp_path / "a.stl").write_bytes(bytes(80) + (2).to_bytes(4, "little") + facets + b"\0")
+    with pytest.warns(pl.errors.FileWarning, match=r"a\.stl: 1 bytes behind its last triangle are left out"):
+        (mesh,) = pl.load_meshes(tmp_path / "a.stl")
+    np.testing.assert_array_equal(corners_of(mesh), corners)
+
+
+def test_a_ply_header_of_blender_2_4_has_a_line_without_a_keyword(tmp_path):
+    head = "ply\nformat ascii 1.0\nCreated by Blender3D 247 - www.blender.org, source file: \nelement vertex 3\n"
+    head += "property float x\nproperty float y\nproperty float z\nelement face 1\n"
+    head += "property list uchar uint vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+    (mesh,) = pl.load_meshes(write(tmp_path / "a.ply", head + "3 0 1 2\n"))
+    assert corners_of(mesh).tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    for cut in ("", "3\n", "3 0 1\n"):
+        with pytest.raises(pl.errors.FileError, match=r"a\.ply: it is cut off: rows are missing, or have too few"):
+            pl.load_meshes(write(tmp_path / "a.ply", head + cut))
 
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"

@@ -211,10 +211,8 @@ COLOURED = {
 
 
 @pytest.mark.parametrize("name", COLOURED)
-def test_colours_that_vary_are_told_and_a_single_one_is_shown(tmp_path, name):
+def test_a_single_colour_needs_no_texture_and_a_material_replaces_all(tmp_path, name):
     path = write(tmp_path / name, COLOURED[name])
-    with pytest.warns(FileWarning, match=rf"{name}: colours that vary"):
-        assert pl.load_meshes(path)[0].material == pl.Lambertian()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert pl.load_meshes(path, material=pl.Lambertian(0.2))[0].material == pl.Lambertian(0.2)

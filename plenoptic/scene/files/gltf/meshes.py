@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +12,28 @@ from numpy.typing import NDArray
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning
-from plenoptic.scene.files.file_materials import colour_of
+from plenoptic.scene.files.file_materials import colour_of, times
 from plenoptic.scene.files.gltf.file import INDICES, GltfFile, whole
 from plenoptic.scene.files.gltf.materials import WHITE, gltf_material
 from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
 from plenoptic.scene.files.gltf.tangents import warn_of_tangents
 from plenoptic.scene.files.gltf.textures import GltfTextures, MaterialTextures, TexturePlacement
+from plenoptic.scene.files.polygons import shared_vertices
+from plenoptic.scene.files.vertex_colours import interpolated_colours, texel_uv
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
+from plenoptic.scene.materials.emissive import Emissive
 from plenoptic.scene.materials.metallic_roughness import MetallicRoughness
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.textures.color import Colour
 
 INSTANCED_FROM = 1000
 """Fewest triangles of a mesh in several places that is kept once: copies of smaller meshes are faster."""
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_COLOURED = {Lambertian: "albedo", Emissive: "radiance", MetallicRoughness: "base"}
+"""Field of a material that the colours of vertices multiply."""
 _MESH = 1 << 15
 """Bytes that a mesh counts for beside its arrays: it takes fewer, but some 40 microseconds."""
 _SHAPES = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD": (2,), "COLOR": (3, 4), "TANGENT": (4,)}
@@ -87,7 +94,8 @@ class _MeshReader:
         faces = _faces(self._indices(primitive, len(vertices)), mode)
         if len(faces) == 0 or not has_area(vertices, faces):
             return None
-        material, placement = self._material(primitive)
+        tint, colours = self._colours(primitive)
+        material, placement = self._material(primitive, tint)
         normals, uv = (
             self._morph(primitive, "NORMAL", weights),
             self._morph(primitive, f"TEXCOORD_{placement.coordinates}", weights),
@@ -96,13 +104,34 @@ class _MeshReader:
         used[faces.ravel()] = True
         if not used.all():  # several parts often share one list of vertices
             faces, vertices = (np.cumsum(used, dtype=np.int32) - 1)[faces], vertices[used]
-            normals, uv = (None if array is None else array[used] for array in (normals, uv))
+            normals, uv, colours = (None if array is None else array[used] for array in (normals, uv, colours))
         mesh = Mesh(vertices, faces, material, normals, None if uv is None else placement.uv(uv), name)
         if isinstance(material, MetallicRoughness) and material.normal_map is not None and "TANGENT" in attributes:
             tangents = self._array(attributes, "TANGENT")
             assert tangents is not None
             warn_of_tangents(mesh, tangents if used.all() else tangents[used])
-        return mesh
+        return mesh if colours is None else self._coloured(mesh, colours)
+
+    def _coloured(self, mesh: Mesh, colours: Floats) -> Mesh:
+        """The mesh whose material is multiplied by the colours (n, 3) of its vertices."""
+        material, name = mesh.material, f"the mesh {mesh.name!r}"
+        field = _COLOURED.get(type(material), "")
+        colour: Colour = getattr(material, field, 0.0)
+        if material.row().textures or colour == 0:  # glass, black, or unlit and transparent
+            warn(f"{name}: colours that vary from vertex to vertex are left out: its material takes none", FileWarning)
+            return mesh
+        texture, texels = interpolated_colours(name, colours[mesh.faces], self._file.reader)
+        corners = mesh.faces.ravel().astype(np.int64)
+        faces, corner = shared_vertices(corners, texels)
+        rows, multiplied = corners[corner], {field: times(texture, colour)}
+        return Mesh(
+            mesh.vertices[rows],
+            faces.reshape(-1, 3),
+            dataclasses.replace(cast(Any, material), **multiplied),
+            None if mesh.normals is None else mesh.normals[rows],
+            texel_uv(texture, texels[corner]),
+            mesh.name,
+        )
 
     def _morph(self, primitive: Mapping[str, Any], name: str, weights: tuple[float, ...]) -> Floats | None:
         """An attribute plus its displacements by the morph targets, times their weights (glTF 2.0, 3.7.2.2)."""
@@ -146,10 +175,11 @@ class _MeshReader:
             )
         return np.asarray(array[:, 0], dtype=np.int32)
 
-    def _material(self, primitive: Mapping[str, Any]) -> tuple[Material, TexturePlacement]:
+    def _material(
+        self, primitive: Mapping[str, Any], tint: tuple[float, ...] | None
+    ) -> tuple[Material, TexturePlacement]:
         if self._given is not None:
             return self._given, TexturePlacement()
-        tint = self._tint(primitive["attributes"])
         if "material" not in primitive:
             return (Lambertian() if tint is None else Lambertian(colour_of(tint[:3]))), TexturePlacement()
         key = (primitive["material"], tint)
@@ -160,15 +190,20 @@ class _MeshReader:
             self._materials[key] = material, read.placement(material)
         return self._materials[key]
 
-    def _tint(self, attributes: Mapping[str, Any]) -> tuple[float, ...] | None:
-        """The colour and opacity that all vertices have; None where they have none or several."""
-        colours = self._array(attributes, "COLOR_0")
+    def _colours(self, primitive: Mapping[str, Any]) -> tuple[tuple[float, ...] | None, Floats | None]:
+        """Colour and opacity that all vertices have, None for none, and their colours (n, 3) where these vary."""
+        colours = None if self._given is not None else self._array(primitive["attributes"], "COLOR_0")
         if colours is None or len(colours) == 0:
-            return None
-        if np.any(colours != colours[0]):
-            warn("colours that vary from vertex to vertex are left out", FileWarning)
-            return None
-        return (*(float(part) for part in colours[0]), 1.0)[:4]
+            return None, None
+        rgba = np.ones((len(colours), 4))
+        rgba[:, : colours.shape[1]] = np.clip(colours, 0, 1)  # as glTF demands
+        varies = np.any(rgba != rgba[0], axis=0)
+        if varies[3]:
+            warn("opacities that vary from vertex to vertex are left out", FileWarning)
+            rgba[:, 3] = 1
+        if varies[:3].any():
+            return (*WHITE[:3], float(rgba[0, 3])), rgba[:, :3]
+        return tuple(map(float, rgba[0])), None
 
 
 def _faces(indices: NDArray[np.int32], mode: int) -> NDArray[np.int32]:
