@@ -75,6 +75,10 @@ def texts():
         "a.obj": f"mtllib a.mtl\n{CORNERS}vt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n",
         "a.mtl": mtl,
         "a.ply": PLY.format("ascii", "comment made by hand\n") + PLY_FACES.format(1),
+        "c.obj": "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n",
+        "c.ply": PLY.format("ascii", "")
+        + "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n"
+        + "property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 99\n3 0 1 2\n",
         "a.stl": "solid a\nfacet normal 0 0 1\nouter loop\n"
         "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n",
         "a.csv": "radius;thickness;material;index;v-no;sa\n10;1;BK7;1.5;60;5\n-50;3;air;;;5\n;1;air;;;3\n",

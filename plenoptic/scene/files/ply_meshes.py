@@ -17,7 +17,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import FileError, FileWarning, PlenopticError
 from plenoptic.scene.files.file_materials import REPLACE, file_texture
 from plenoptic.scene.files.polygons import Indices, shared_vertices, triangulate
-from plenoptic.scene.files.vertex_colours import matt_colours
+from plenoptic.scene.files.vertex_colours import VertexColours
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.registry import Material
@@ -69,7 +69,7 @@ def ply_meshes(
     chosen, texels = _texture(file_name, header, reader) if material is None else material, None
     if chosen is None:
         codes = _corner_codes(vertex, face, faces, polygon)
-        chosen, texels = (Lambertian(), None) if codes is None else matt_colours(file_name, codes, reader)
+        chosen, texels = (Lambertian(), None) if codes is None else VertexColours(reader).matt(file_name, codes)
     wedges = _lists(face, ("texcoord",))
     if texels is None and len(wedges.lengths) and np.array_equal(wedges.lengths, 2 * lengths):
         corner_uv = wedges.numbers.reshape(-1, 2)[triangles.ravel()].astype(np.float64)

@@ -108,9 +108,14 @@ def ply(path):
                 is_list = kinds[0] == "list"
                 value = [take(kinds[2]) for _ in range(int(take(kinds[1])))] if is_list else take(kinds[0])
                 rows[name][-1][key] = value
-    if "tristrips" in rows:
-        raise NotReadError("strips")
-    faces = [row.get("vertex_indices", row.get("vertex_index")) for row in rows["face"]]
+    faces = [row.get("vertex_indices", row.get("vertex_index")) for row in rows.get("face", ())]
+    for row in rows.get("tristrips", ()):
+        start = 0  # -1 ends a strip
+        for k, corner in enumerate(row["vertex_indices"]):
+            start = k + 1 if corner < 0 else start
+            if k - start >= 2:
+                a, b, c = row["vertex_indices"][k - 2 : k + 1]
+                faces.append((a, b, c) if (k - start) % 2 == 0 else (b, a, c))
     corners, fans = np.array([i for face in faces for i in face], dtype=int), polygons([len(face) for face in faces])
     points, normals = (
         np.array([[row.get(c, 0) for c in names] for row in rows["vertex"]], dtype=float)

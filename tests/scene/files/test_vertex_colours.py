@@ -84,11 +84,19 @@ def test_pure_colours_meet_in_a_triangle(tmp_path):
         np.testing.assert_allclose(corners, np.eye(3), atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.*in none of its material files")
 def test_too_many_texels_are_not_made_and_the_error_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(vertex_colours, "_TEXELS", 8)
     with pytest.warns(FileWarning, match=r"a\.ply: interpolated colours are off by up to 0\.25 in 1 of 2 triangles"):
         (mesh,) = pl.load_meshes(ply(tmp_path / "a.ply", np.eye(3), [(0, 1, 2), (0, 2, 2)], RGB))
     assert mesh.material.albedo.texels.shape == (2, 4, 3)
+    # All meshes of a file share them: 129 x 129 for the first.
+    monkeypatch.setattr(vertex_colours, "_TEXELS", 129 * 129)
+    lines = [f"v {r} {g} {b} {r} {g} {b}\n" for r, g, b in np.eye(3)]
+    (tmp_path / "a.obj").write_text("".join(lines) + "f 1 2 3\nusemtl other\nf 1 3 2\n")
+    with pytest.warns(FileWarning, match=r"a\.obj: interpolated colours are off by up to 0\.25 in 1 of 1 triangles"):
+        meshes = pl.load_meshes(tmp_path / "a.obj")
+    assert [len(mesh.material.albedo.texels) for mesh in meshes] == [129, 2]
 
 
 def test_a_face_has_one_colour_and_polygons_have_theirs(tmp_path):

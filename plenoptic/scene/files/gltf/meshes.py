@@ -19,7 +19,7 @@ from plenoptic.scene.files.gltf.nodes import PlacedNode, copies
 from plenoptic.scene.files.gltf.tangents import warn_of_tangents
 from plenoptic.scene.files.gltf.textures import GltfTextures, MaterialTextures, TexturePlacement
 from plenoptic.scene.files.polygons import shared_vertices
-from plenoptic.scene.files.vertex_colours import interpolated_colours, texel_uv
+from plenoptic.scene.files.vertex_colours import VertexColours, texel_uv
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh, has_area
 from plenoptic.scene.materials.diffuse import Lambertian
@@ -81,7 +81,7 @@ class _MeshReader:
 
     def __init__(self, file: GltfFile, scale: float, material: Material | None) -> None:
         self._file, self._scale, self._given = file, scale, material
-        self._textures = GltfTextures(file)
+        self._textures, self._shown = GltfTextures(file), VertexColours(file.reader)
         self._materials: dict[Any, tuple[Material, TexturePlacement]] = {}
 
     def mesh(self, primitive: Mapping[str, Any], name: str, weights: tuple[float, ...]) -> Mesh | None:
@@ -120,7 +120,7 @@ class _MeshReader:
         if material.row().textures or colour == 0:  # glass, black, or unlit and transparent
             warn(f"{name}: colours that vary from vertex to vertex are left out: its material takes none", FileWarning)
             return mesh
-        texture, texels = interpolated_colours(name, colours[mesh.faces], self._file.reader)
+        texture, texels = self._shown.interpolated(name, colours[mesh.faces])
         corners = mesh.faces.ravel().astype(np.int64)
         faces, corner = shared_vertices(corners, texels)
         rows, multiplied = corners[corner], {field: times(texture, colour)}
