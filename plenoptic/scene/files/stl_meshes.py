@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from io import BytesIO
@@ -16,6 +17,8 @@ from plenoptic.scene.materials.registry import Material
 
 _PARTS = 4000
 """Parts without names of their own: trimesh takes time by their square, here 3 s."""
+
+_NAMES = re.compile(rb"(?im)^([ \t]*(?:end)?solid\b)(?:(?!facet\s+normal)[^\n])*")
 
 
 def stl_meshes(file_name: str, content: bytes, scale: float, material: Material | None) -> Iterator[Mesh]:
@@ -40,18 +43,19 @@ def stl_meshes(file_name: str, content: bytes, scale: float, material: Material 
 
 
 def _whole_stl(file_name: str, content: bytes) -> bytes:
-    """An STL file without what follows its last triangle; trimesh would take such a binary file for an empty text.
+    """An STL file as trimesh reads it: a text without names, in which it looks for keywords; a binary one cut to size.
 
-    A `FileError` for one that is not whole.
+    A `FileError` for a file that is not whole.
     """
-    if b"endsolid" in content.lower():
-        count = content.lower().count(b"endsolid")
+    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if b"endsolid" in content.lower() and len(content) != announced:
+        text = _NAMES.sub(rb"\1", content.replace(b"\r\n", b"\n").replace(b"\r", b"\n"))
+        count = text.lower().count(b"endsolid")
         if count > _PARTS:
             raise FileError(f"it has {count} parts; at most {_PARTS} are read: join them, or write several files")
-        return content
+        return text
     if content.lstrip().lower().startswith(b"solid") and content.isascii() and b"\0" not in content:
         raise FileError("it is cut off: it has no 'endsolid'; export it again")
-    announced = 84 + 50 * int.from_bytes(content[80:84], "little")
     if len(content) < announced:
         raise FileError(
             f"it is cut off, or no STL file: it has {len(content)} bytes instead of {announced}; export it again"

@@ -110,6 +110,19 @@ def test_bytes_behind_the_triangles_of_an_stl_are_left_out_with_a_warning(tmp_pa
     np.testing.assert_array_equal(corners_of(mesh), corners)
 
 
+def test_names_of_solids_may_hold_keywords_and_lines_may_end_with_returns(tmp_path):
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    for name in ("", "vertex 1 2 3", "normal map", "solid", "endsolid", "facet", "H\u00fclle"):
+        for end in ("\n", "\r", "\r\n"):
+            text = f"solid {name}\n{facet}endsolid {name}\n  SOLID {name}\n{2 * facet.upper()}ENDSOLID".replace(
+                "\n", end
+            )
+            (tmp_path / "a.stl").write_bytes(text.encode("latin-1"))
+            meshes = pl.load_meshes(tmp_path / "a.stl")
+            assert [len(mesh.faces) for mesh in meshes] == [1, 2], (name, end)
+            assert corners_of(meshes[1])[1].tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
 def test_a_ply_header_of_blender_2_4_has_a_line_without_a_keyword(tmp_path):
     head = "ply\nformat ascii 1.0\nCreated by Blender3D 247 - www.blender.org, source file: \nelement vertex 3\n"
     head += "property float x\nproperty float y\nproperty float z\nelement face 1\n"
