@@ -297,6 +297,12 @@ def characteristic(corners, normals, low, size):
     return total / areas.sum()
 
 
+def different(corners, normals, low, size):
+    """(n, 6): the positions and normals of all different corners, to nine digits, whatever divides the polygons."""
+    rows = np.concatenate([(corners - low) / size, unit(normals)], axis=2).reshape(-1, 6)
+    return np.unique(np.round(rows, 9) + 0.0, axis=0)
+
+
 def difference(path):
     """How a file's mesh differs from what the parser finds, or None."""
     got, got_normals = loaded(path)
@@ -311,6 +317,8 @@ def difference(path):
     if np.abs(bounds - [low, high]).max() > 1e-9 * (size + np.abs([low, high]).max()):
         return f"has the bounds {bounds.tolist()} for {[low.tolist(), high.tolist()]}"
     flat, got_flat = area_vectors(corners), area_vectors(got)
+    if lengths and not np.array_equal(different(corners, normals, low, size), different(got, got_normals, low, size)):
+        return "has other corners or normals"
     if lengths:  # any division of a polygon has its vector area; a plane one has the length of that as its area
         owner = np.repeat(np.arange(len(lengths)), np.maximum(np.array(lengths) - 2, 0))
         whole = np.stack([np.bincount(owner, column, len(lengths)) for column in flat.T], axis=1)
