@@ -247,8 +247,18 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
         texels = texels[..., :1] if channels == 1 else np.repeat(texels, channels, axis=2)
     rotation = None if environment.rotation is None else contiguous(environment.rotation.reshape(9))
     columns_guide = np.stack([_guide(cdf, columns // _TEXELS_PER_GUIDE) for cdf in columns_cdf])
-    tables = texels, rows_cdf, columns_cdf, _guide(rows_cdf, rows), columns_guide, _row_edges(rows), pdf
-    return Environment(*map(contiguous, tables), rotation, 0.0, total)
+    return Environment(
+        texels=contiguous(texels),
+        rows_cdf=contiguous(rows_cdf),
+        columns_cdf=contiguous(columns_cdf),
+        rows_guide=contiguous(_guide(rows_cdf, rows)),
+        columns_guide=contiguous(columns_guide),
+        edges=contiguous(_row_edges(rows)),
+        pdf=contiguous(pdf),
+        rotation=rotation,
+        probability=0.0,
+        total=total,
+    )
 
 
 def _guide(cdf: Floats, size: int) -> NDArray[np.uint16]:
