@@ -65,7 +65,7 @@ piece. gap: light further inside the limit than this is never vignetted."""
 PIECE = np.dtype(
     [
         *((name, "f8") for name in ("cell_x", "cell_y", "axis_x", "axis_y", "area", "xu", "xv", "yu", "yv")),
-        *((name, "i8") for name in ("first_corner", "corners", "first_plane", "planes", "has_core")),
+        *((name, "i8") for name in ("first_corner", "corners", "first_plane", "planes", "has_core", "is_round")),
     ],
     align=True,
 )
@@ -73,7 +73,8 @@ PIECE = np.dtype(
 
 Its origin is the cell's centre, displaced by (xu u + xv v, yu u + yv v) for points (u, v) from the pixel's centre.
 Centre of the cell and optical axis; cumulative area in mm^2 of the unclipped polygons of the pixel, up to this one;
-first and number of corners and of planes. 1 if all light inside the planes' gaps is unvignetted."""
+first and number of corners and of planes. 1 if all light inside the planes' gaps is unvignetted. 1 if it is an ellipse:
+its polygon then has the same area, and corners in the same directions as those of a circle's."""
 
 
 class Candidates(NamedTuple):

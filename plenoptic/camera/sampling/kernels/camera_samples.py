@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.path_numbers import DEFLECTION_SET, WAVELENGTH_SET, path_indices, replicate_size
-from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES
+from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES, ROUND_CORNERS, ROUND_SCALE
 from plenoptic.camera.sampling.kernels.unvignetted_core import (
     MAX_CLIPPED_CORNERS,
     MAX_RIMS,
@@ -22,6 +22,7 @@ from plenoptic.camera.sampling.sampling_records import FAR, GROUP_SIDE
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
@@ -64,10 +65,25 @@ def _first_exceeding(pieces, low, high, area):
 
 
 @device
+def _point_in_ellipse(corners, first, u, v):
+    """Point of the ellipse of a round piece, uniformly by area."""
+    opposite, right, left = first + ROUND_CORNERS // 2, first + ROUND_CORNERS // 4, first + 3 * ROUND_CORNERS // 4
+    c, s = turn(v)
+    r = 0.5 * math.sqrt(u) / ROUND_SCALE
+    c, s = r * c, r * s
+    x = 0.5 * (corners[0, first] + corners[0, opposite])
+    y = 0.5 * (corners[1, first] + corners[1, opposite])
+    x += c * (corners[0, first] - corners[0, opposite]) + s * (corners[0, right] - corners[0, left])
+    y += c * (corners[1, first] - corners[1, opposite]) + s * (corners[1, right] - corners[1, left])
+    return x, y
+
+
+@device
 def aim_sample(ray, i, regions, region, start, random):
     """Aim path i at a point of a region that is not clipped, uniformly by area; return the index of its piece.
 
     The first random number selects the piece and, stretched, the triangle of its fan; the second one the point in it.
+    In ellipses they are the squared radius and the angle.
     `region` is the first and the end of its pieces; `start` is the point on the sensor, and the same point relative to
     the centre of the area that the region represents, such as the pixel.
     """
@@ -79,7 +95,11 @@ def aim_sample(ray, i, regions, region, start, random):
     if k > low:
         remainder -= pieces[k - 1].area
     piece = pieces[k]
-    point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
+    if piece.is_round == 1:
+        part = remainder / (piece.area - (pieces[k - 1].area if k > low else 0.0))
+        point = _point_in_ellipse(regions.corners, piece.first_corner, part, random[1])
+    else:
+        point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
     set_aimed_ray(ray, i, piece, displaced_point(piece, point, start[1]), start[0], total_area)
     return k
 
