@@ -53,5 +53,6 @@ from .stops.star import StarStop as StarStop
 from .surfaces.biconic import BiconicSag as BiconicSag
 from .surfaces.mirror import MIRROR as MIRROR
 from .surfaces.mirror import Mirror as Mirror
+from .surfaces.odd_powers import OddPowerSag as OddPowerSag
 from .surfaces.surface import Surface as Surface
 from .surfaces.zernike import ZernikeSag as ZernikeSag

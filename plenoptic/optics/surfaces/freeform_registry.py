@@ -1,6 +1,7 @@
 """Registry of freeform terms, and their types in Zemax files.
 
-Each term is a sag that is added to a conic or asphere, and 0 at the vertex.
+Each term is a sag that is added to a conic or asphere, and 0 at the vertex. Odd powers belong to types of Zemax files
+that have even powers, too; see `zemax_powers`.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ from typing import NamedTuple, TypeAlias
 
 from plenoptic.optics.surfaces.biconic import BiconicSag
 from plenoptic.optics.surfaces.freeform_bounds import ZemaxNumbers
+from plenoptic.optics.surfaces.odd_powers import OddPowerSag
 from plenoptic.optics.surfaces.zernike import ZernikeSag
 
-FreeformTerm: TypeAlias = ZernikeSag | BiconicSag
+FreeformTerm: TypeAlias = ZernikeSag | BiconicSag | OddPowerSag
 """Any freeform term."""
 
-FREEFORM_TERMS: tuple[type[FreeformTerm], ...] = (ZernikeSag, BiconicSag)
+FREEFORM_TERMS: tuple[type[FreeformTerm], ...] = (ZernikeSag, BiconicSag, OddPowerSag)
 
 
 class ZemaxType(NamedTuple):

@@ -53,9 +53,9 @@ class Surface:
         For a sphere or ellipsoid that extends beyond its equator (hyper-hemispheres, balls): distance of its rim from
         the vertex along the axis, in mm. `semi_diameter` is then that of the equator. None: the surface ends at the
         semi-diameter, on the vertex's side of the equator.
-    freeform : ZernikeSag or BiconicSag, optional
-        Freeform term: sag without rotational symmetry, added to the conic or asphere. None: no term. A biconic or a
-        cylinder is a BiconicSag on a plane.
+    freeform : ZernikeSag, BiconicSag or OddPowerSag, optional
+        Freeform term: a sag that is added to the conic or asphere. None: no term. A biconic or a cylinder is a
+        BiconicSag on a plane.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
 

@@ -32,6 +32,7 @@ SHAPES = {
     "steep": {"radius": math.inf, "semi_diameter": 8.0, "freeform": ZernikeSag(RNG.normal(size=15) * 0.15, 9.0)},
     "high": {"radius": -30.0, "semi_diameter": 9.0, "conic": 1.5, "freeform": ZernikeSag([0] * 78 + [1e-3] * 13, 9)},
     "biconic": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(12.0, -20.0, -0.5, 0.3)},
+    "odd powers": {**MILD, "freeform": pl.optics.OddPowerSag([2e-4, -1e-6, 3e-9])},
     "cylinder": {"radius": math.inf, "semi_diameter": 9.0, "freeform": pl.optics.BiconicSag(math.inf, 9.5)},
     "to the equator": {"radius": 12, "semi_diameter": 12, "freeform": ZernikeSag([0, 0, 0, 0.02, 0.05, -0.03], 12)},
 }
@@ -244,8 +245,8 @@ def test_bounds_on_the_pupil_hold_all_round():
 def test_what_needs_an_axis_is_refused():
     lens = freeform_lens()
     for call, message in (
-        (lambda: pl.aberrations.seidel_sums(lens, field=0.01), "surface 0 has no rotational symmetry, so Seidel"),
-        (lambda: pl.aberrations.distortion(lens, [0.01]), "element 0 of 'free' has no rotational symmetry"),
+        (lambda: pl.aberrations.seidel_sums(lens, field=0.01), "surface 0 has a freeform term, for which Seidel"),
+        (lambda: pl.aberrations.distortion(lens, [0.01]), "element 0 of 'free' has a freeform term"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=message):
             call()
@@ -309,7 +310,7 @@ def test_zemax_files_are_read():
     rho, phi = math.hypot(3, 2) / 11, math.atan2(-2, 3)
     conic_sag += 0.02 * zernike(4, rho, phi) - 0.01 * zernike(6, rho, phi)
     assert height == pytest.approx(-9.0 + conic_sag)
-    with pytest.raises(pl.errors.PrescriptionError, match="element 0 has no rotational symmetry"):
+    with pytest.raises(pl.errors.PrescriptionError, match="element 0 has a freeform term"):
         zmx_of_lens(lens)
     for nothing in (re.sub(r"(XDAT [68]) \S+", r"\1 0", ZMX), ZMX.replace("XDAT 1 6.0", "XDAT 1 0.0")):
         assert lens_from_zmx(nothing, "mine.zmx").elements[0].freeform is None

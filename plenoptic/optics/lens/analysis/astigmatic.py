@@ -126,9 +126,7 @@ def require_axis(lens: LensStack, subject: str) -> None:
     if off_axis is not None:
         i, element = off_axis
         placed = element.placement is not None
-        fault, cause = (
-            ("is decentred or tilted", "placement") if placed else ("has no rotational symmetry", "freeform term")
-        )
+        fault, cause = ("is decentred or tilted", "placement") if placed else ("has a freeform term", "freeform term")
         raise InvalidValueError(
             f"element {i} of {lens.name!r} {fault}; {subject} defined for a lens with an axis only: leave out its "
             f"{cause}, or use spot diagrams"

@@ -163,8 +163,8 @@ def _aspheric_part(surface: Surface, marginal: ParaxialRay, chief: ParaxialRay, 
     """Contribution of the r^4 term beyond that of the sphere of the same vertex curvature."""
     if surface.freeform is not None:
         raise InvalidValueError(
-            f"surface {i} has no rotational symmetry, so Seidel sums are not defined; leave out its freeform "
-            "term, or use spot diagrams"
+            f"surface {i} has a freeform term, for which Seidel sums are not defined; leave it out, or use spot "
+            "diagrams"
         )
     fourth = surface.aspheric[1] if len(surface.aspheric) > 1 else 0.0
     excess = ((1.0 + surface.conic) * surface.curvature**3 - surface.vertex_curvature**3) / 8.0 + fourth

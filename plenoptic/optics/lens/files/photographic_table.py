@@ -7,7 +7,7 @@ The format is that of the Optical Bench of Photons to Photos; lengths are in mm.
 - [variable distances]: a name and its values, one for each configuration: distances of zooming and focusing, d0 of the
   object, Bf behind the lens, Aperture Diameter of the stop; Angle of View (full, degrees) and Image Height (full).
 - [aspherical data]: number, radius, conic constant, then the coefficients of r^4, r^6, ...; of r^2, r^4, ... if
-  [constants] have AsphericalA2, and of r^3, r^4, r^6, ... if they have AsphericalOddCount 1. Odd powers are refused.
+  [constants] have AsphericalA2, and of r^3, r^4, r^6, ... if they have AsphericalOddCount 1.
 - A glass is that of its name if a catalogue has it with the n_d of the table within 0.0005, otherwise the model glass
   of n_d and V_d. Other sections are ignored.
 """
@@ -32,6 +32,7 @@ from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.surfaces.odd_powers import OddPowerSag
 
 _F_LINE, _C_LINE = 486.1327, 656.2725
 _SAME_GLASS = 5e-4
@@ -184,15 +185,16 @@ def _aspheric(row: Row, cells: _Cells, constants: Mapping[str, str]) -> Row:
         raise PrescriptionError(f"the radius is {radius:g} in [aspherical data], {other:g} in [lens data]; correct one")
     conic = cells.number(2, "the conic constant") if cells.cell(2) else 0.0
     numbers = [cells.number(i, "a coefficient") if cells.cell(i) else 0.0 for i in range(3, len(cells.cells))]
+    odd = list[float]()
     if constants.get("AsphericalOddCount", "0") != "0":
-        odd = int(parse_number(constants["AsphericalOddCount"] or "1", "AsphericalOddCount"))
-        if any(numbers[: 2 * odd : 2]):
+        n_odd = int(parse_number(constants["AsphericalOddCount"] or "1", "AsphericalOddCount"))
+        odd, numbers = numbers[: 2 * n_odd : 2], numbers[1 : 2 * n_odd : 2] + numbers[2 * n_odd :]
+        if any(odd) and "AsphericalA2" in constants:
             raise PrescriptionError(
-                f"surface {cells.cell(0)[:20]} has odd powers of r (AsphericalOddCount); only even powers can be read"
+                "[constants] have AsphericalA2 and AsphericalOddCount, and the order of the powers of r is not known"
             )
-        numbers = numbers[1 : 2 * odd : 2] + numbers[2 * odd :]
     aspheric = numbers if "AsphericalA2" in constants else [0.0, *numbers]
-    return row._replace(conic=conic, aspheric=tuple(aspheric))
+    return row._replace(conic=conic, aspheric=tuple(aspheric), freeform=OddPowerSag(odd) if any(odd) else None)
 
 
 def _system(variables: Mapping[str, float], rows: list[Row], line: int) -> System:

@@ -5,12 +5,12 @@ part of the lens, nor are the gaps next to them. A file that begins with SURF 1 
 first surface if the gap behind it is. A glass on the object is the medium around the lens. A glass before the image is
 glued to the sensor: a last surface without refraction of positions, from glass to air, lies in the image.
 
-- TYPE STANDARD, EVENASPH, XASPHERE, XOSPHERE and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16), DISZ and GLAS;
-  lengths are converted from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean square 1 over the disc of the
-  norm radius. XDAT 1 is their number, XDAT 2 the norm radius, XDAT 3, 4, ... the terms. Their sag at the vertex moves
-  the surface.
+- TYPE STANDARD, EVENASPH, ODDASPHE, XASPHERE, XOSPHERE and SZERNSAG, with CURV, CONI, PARM 1 to 8 (r^2 to r^16; r to
+  r^8 of ODDASPHE), DISZ and GLAS; lengths are converted from UNIT to mm. SZERNSAG adds Noll's Zernike terms, of mean
+  square 1 over the disc of the norm radius. XDAT 1 is their number, XDAT 2 the norm radius, XDAT 3, 4, ... the terms.
+  Their sag at the vertex moves the surface.
 - XASPHERE, XOSPHERE: XDAT 1 terms of (r / XDAT 2)^(2 i) or (r / XDAT 2)^i, XDAT 3, 4, ...; an XASPHERE without XDAT
-  is an EVENASPH. Odd powers are refused.
+  is an EVENASPH. Odd powers of r become an `OddPowerSag`; a term of r itself, a cone, is refused.
 - TYPE BICONICX: CURV and CONI along y, PARM 1 the radius along x (0: flat) and PARM 2 the conic constant along x.
 - All other types are refused, and so are tilted surfaces (SCBD), and apertures and obscurations that are not round.
 - COORDBRK gives the elements that follow a `Placement`. Mirrors (GLAS MIRROR) are unfolded: plane ones are removed,
@@ -48,8 +48,6 @@ import math
 import re
 from collections.abc import Mapping
 
-import numpy as np
-
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileWarning, PrescriptionError
@@ -59,6 +57,7 @@ from plenoptic.optics.lens.elements import check_count
 from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
 from plenoptic.optics.lens.files.zemax_configurations import with_configuration
 from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold, with_mirrors_of_negative_index
+from plenoptic.optics.lens.files.zemax_powers import EXTENDED, ODD, even_and_odd_powers
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
@@ -69,9 +68,6 @@ from plenoptic.optics.surfaces.freeform_registry import ZEMAX
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _BREAK = "COORDBRK"
-_EXTENDED = {"XASPHERE": 2, "XOSPHERE": 1}
-"""Extended aspheres: step of the powers of r from term to term."""
-_MAX_TERMS = 240
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -191,7 +187,7 @@ def _row(block: list[Line], where: str, unit: float, glasses: GlassNames) -> Row
                 kind = _type(line, number)
             elif line.keyword == "PARM" and kind != "STANDARD":
                 _set_parameter(parameters, line, kind)
-            elif line.keyword == "XDAT" and kind in (*ZEMAX, *_EXTENDED):
+            elif line.keyword == "XDAT" and kind in (*ZEMAX, *EXTENDED):
                 extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
@@ -205,39 +201,14 @@ def _row(block: list[Line], where: str, unit: float, glasses: GlassNames) -> Row
         row = row._replace(freeform=freeform, offset=offset)
         if ZEMAX[kind].is_whole:
             return row._replace(curvature=0.0, conic=0.0)
-    if kind in _EXTENDED and extra.get(1, 0.0) != 0:
-        with name_line_in_errors(where, row.lines["XDAT"]):
-            parameters = _extended_terms(extra, kind)
-    elif kind == "XOSPHERE" and any(parameters.values()):
-        raise PrescriptionError(f"{where}, line {row.lines['PARM']}: PARM of an XOSPHERE is not read; give its XDAT")
-    # z and r have the same scale: a_i of r^(2 i) is in unit^(1 - 2 i).
-    powers = range(1, max(_TERMS, *parameters, 0) + 1)
-    return row._replace(aspheric=tuple(parameters.get(i, 0.0) * unit ** (1 - 2 * i) for i in powers))
-
-
-@np.errstate(all="ignore")
-def _extended_terms(extra: Mapping[int, float], kind: str) -> dict[int, float]:
-    """Coefficients of r^(2 i) of an extended asphere, in units of the file."""
-    count, norm = extra[1], extra.get(2, 0.0)
-    if not (count.is_integer() and 0 < count <= _MAX_TERMS and norm > 0 and count + 2 in extra):
-        raise PrescriptionError(
-            f"{kind} has {count:g} terms (XDAT 1), norm radius {norm:g} (XDAT 2) and XDAT up to {max(extra)}; it must "
-            f"have 1 to {_MAX_TERMS} terms, a radius above 0, and all terms from XDAT 3 on"
-        )
-    step = _EXTENDED[kind]
-    powers = np.float64(norm) ** (step * np.arange(int(count) + 1))  # may overflow: the surface is refused then
-    terms = {i: float(a / powers[i]) for i in range(1, int(count) + 1) if (a := extra.get(i + 2, 0.0)) != 0}
-    odd = [i for i in terms if step * i % 2]
-    if odd:
-        raise PrescriptionError(
-            f"{kind} has a term of r^{odd[0]} (XDAT {odd[0] + 2}); only even powers of r can be read: set it to 0"
-        )
-    return {step * i // 2: term for i, term in terms.items()}
+    with name_line_in_errors(where, row.lines.get("XDAT" if extra else "PARM", row.lines["SURF"])):
+        aspheric, odd = even_and_odd_powers(kind, parameters, extra, unit)
+    return row._replace(aspheric=aspheric, freeform=row.freeform if odd is None else odd)
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    types = ("STANDARD", "EVENASPH", _BREAK, *_EXTENDED, *ZEMAX)
+    types = ("STANDARD", "EVENASPH", ODD, _BREAK, *EXTENDED, *ZEMAX)
     if kind not in types:
         raise PrescriptionError(
             f"surface {number} is of type {kind[:40]}; the surfaces that can be read are {', '.join(types)}"

@@ -65,7 +65,7 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
         "is a mirror": isinstance(element.medium, Mirror),
         "goes beyond its equator": element.depth is not None,
         f"has more than {_TERMS} coefficients": len(element.aspheric) > _TERMS,
-        "has no rotational symmetry": element.freeform is not None,
+        "has a freeform term": element.freeform is not None,
     }
     for reason, is_so in refused.items():
         if is_so:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_second_bound
+from plenoptic.optics.lens.kernels.odd_powers import odd_powers_at
 from plenoptic.optics.lens.kernels.zernike import zernike_at
 from plenoptic.optics.lens.lens_record import FREEFORM_KIND, SHARPEST
 from plenoptic.optics.surfaces.biconic import BICONIC
+from plenoptic.optics.surfaces.odd_powers import ODD_POWERS
 from plenoptic.optics.surfaces.zernike import ZERNIKE
 
 
@@ -17,6 +19,8 @@ def freeform_term_at(x, y, numbers):
         return zernike_at(x, y, numbers)
     if numbers[FREEFORM_KIND] == BICONIC:
         return biconic_at(x, y, numbers)
+    if numbers[FREEFORM_KIND] == ODD_POWERS:
+        return odd_powers_at(x, y, numbers)
     return 0.0, 0.0, 0.0
 
 

@@ -88,6 +88,11 @@ def test_a_near_object_and_a_distance_that_is_undefined(tmp_path):
         ("AsphericalA2\n", "1e-4\t1e-6\t-2e-9", {2: 1e-4, 4: 1e-6, 6: -2e-9}),
         ("AsphericalOddCount\t1\n", "0\t1e-6\t-2e-9", {4: 1e-6, 6: -2e-9}),
         ("AsphericalOddCount\t2\n", "0\t1e-6\t0\t-2e-9\t3e-12", {4: 1e-6, 6: -2e-9, 8: 3e-12}),
+        (
+            "AsphericalOddCount\t2\n",
+            "2e-5\t1e-6\t-3e-7\t-2e-9\t3e-12",
+            {3: 2e-5, 4: 1e-6, 5: -3e-7, 6: -2e-9, 8: 3e-12},
+        ),
     ],
 )
 def test_aspheres_against_the_sag(tmp_path, constants, numerals, powers):
@@ -113,7 +118,7 @@ def test_glasses_by_name_if_their_index_is_that_of_the_table(tmp_path):
         ("[lens data]", "[data]", r"there is no section \[lens data\]; the tables that can be read are"),
         ("1\t50\t-0.5", "1\t51\t-0.5", r"line 23: the radius is 51 in \[aspherical data\], 50 in \[lens data\]"),
         ("1\t50\t-0.5", "9\t50\t-0.5", r"line 23: \[aspherical data\] names surface '9', which does not exist"),
-        ("[constants]\n", "[constants]\nAsphericalOddCount\t1\n", "surface 1 has odd powers of r"),
+        ("[constants]\n", "[constants]\nAsphericalA2\nAsphericalOddCount\t1\n", "the order of the powers of r"),
         ("1\t50\t4", "1\tabout 50\t4", "line 15: the radius is 'about 50'; it must be a number"),
     ],
 )

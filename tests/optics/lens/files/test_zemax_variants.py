@@ -237,10 +237,39 @@ def test_extended_aspheres_are_sums_of_powers(tmp_path, shape, unit, mm):
     assert ray.at_z(float(lens.vertices[-1]) + 3.0 * mm)[0, 1] == pytest.approx(landing * mm, rel=1e-12)
 
 
+@pytest.mark.parametrize("unit, mm", [("MM", 1.0), ("CM", 10.0), ("IN", 25.4)])
+@pytest.mark.parametrize("conic, c", [(0.0, 0.4385), (-1.3, -0.3), (0.6, 0.0)])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        "TYPE XOSPHERE; XDAT 1 7; XDAT 2 2; XDAT 3 0; XDAT 4 0.008; XDAT 5 0.016; XDAT 6 -0.016; XDAT 9 0.0128",
+        "XDAT 9 1e-4; XDAT 6 -1e-3; XDAT 4 2e-3; XDAT 5 2e-3; XDAT 2 1; XDAT 1 7; TYPE XOSPHERE",
+        "TYPE ODDASPHE; PARM 2 2e-3; PARM 3 2e-3; PARM 4 -1e-3; PARM 7 1e-4",
+    ],
+)
+def test_odd_powers_against_a_ray_by_hand(tmp_path, shape, conic, c, unit, mm):
+    surface = f"{shape}; CURV {c}; CONI {conic}; DISZ 0.7; {blank(1.545)}; DIAM 1.38"
+    head = HEAD.replace("MM", unit).replace("2.6", "2.0")
+    lens = load(tmp_path, "STOP; DISZ 0.1; DIAM 1.3", surface, "DISZ 3; DIAM 1.5", "", head=head)
+    y = 0.8
+    root = math.sqrt(1.0 - (1.0 + conic) * (c * y) ** 2)
+    z = c * y * y / (1.0 + root) + 2e-3 * y**2 + 2e-3 * y**3 - 1e-3 * y**4 + 1e-4 * y**7
+    slope = c * y / root + 4e-3 * y + 6e-3 * y**2 - 4e-3 * y**3 + 7e-4 * y**6
+    angle = math.asin(math.sin(math.atan(slope)) / 1.545) - math.atan(slope)
+    landing = y + (0.7 - z) * math.tan(angle) + 3.0 * math.tan(math.asin(1.545 * math.sin(angle)))
+    turned = 0.6, 0.8  # the surface is one of revolution
+    ray = lens.trace(RayBundle([[mm * y * t for t in turned] + [-1.0]], [[0.0, 0.0, 1.0]], 587.5618))
+    at_image = ray.at_z(float(lens.vertices[-1]) + 3.0 * mm)[0, :2]
+    assert at_image == pytest.approx([mm * landing * t for t in turned], rel=1e-12, abs=1e-13 * mm)
+    # Only the r^2 term counts for paraxial rays.
+    assert cardinal_points(lens, D).efl == pytest.approx(mm / (0.545 * (c + 4e-3)), rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "shape, message",
     [
-        ("TYPE XOSPHERE; XDAT 1 3; XDAT 2 1; XDAT 3 0; XDAT 4 0; XDAT 5 1e-3", r"a term of r\^3 \(XDAT 5\)"),
+        ("TYPE XOSPHERE; XDAT 1 3; XDAT 2 1; XDAT 3 1e-3; XDAT 4 0; XDAT 5 1e-3", r"a term of r \(XDAT 3\), a cone"),
+        ("TYPE ODDASPHE; PARM 1 1e-3", r"ODDASPHE has a term of r \(PARM 1\), a cone"),
         ("TYPE XOSPHERE; PARM 2 1e-3", "PARM of an XOSPHERE is not read"),
         ("TYPE XASPHERE; XDAT 1 3; XDAT 2 1; XDAT 3 0", "all terms from XDAT 3 on"),
         ("TYPE XASPHERE; XDAT 1 1; XDAT 3 1e-3", "norm radius 0"),
@@ -249,7 +278,7 @@ def test_extended_aspheres_are_sums_of_powers(tmp_path, shape, unit, mm):
         ("TYPE XASPHERE; XDAT 1 200; XDAT 2 1e-9; XDAT 3 1; XDAT 202 1", "aspheric"),
     ],
 )
-def test_extended_aspheres_that_are_incomplete_or_odd_are_refused(tmp_path, shape, message):
+def test_extended_aspheres_that_are_incomplete_or_cones_are_refused(tmp_path, shape, message):
     with pytest.raises(PrescriptionError, match=rf"lens.zmx, line \d+: .*{message}"):
         load(tmp_path, "STOP; DISZ 0.1; DIAM 1.3", f"{shape}; {FRONT}", BACK, "")
 
