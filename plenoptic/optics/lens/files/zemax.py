@@ -16,7 +16,7 @@ glued to the sensor: a last surface without refraction of positions, from glass 
 - COORDBRK gives the elements that follow a `Placement`. Mirrors (GLAS MIRROR) are unfolded: plane ones are removed,
   curved ones reflect (`Mirror`). See `zemax_folds`.
 - Solves and pickups have their values in the file. Of several configurations, the one active on saving is read, or the
-  one that the caller chooses; see `zemax_configurations`.
+  one that the caller chooses; see `zemax_configurations` and `zemax_solves`.
 - GLAS: a name is looked up in the catalogue of the caller, then in the bundled ones, those named by the file (GCAT)
   first. ___BLANK, and any name whose second entry is 1, is a model glass of n_d and V_d; V_d = 0 means no dispersion,
   and the deviation of the partial dispersion is ignored. Six digits, 517642, are n_d 1.517 and V_d 64.2. A surface at
@@ -88,7 +88,7 @@ def lens_from_zmx(
     """Lens from the text of a Zemax file. `where` names the file in messages, and the lens if it has no NAME; `glasses`
     are looked up first.
     """
-    head, blocks, left_out = with_configuration(*_blocks(text, where), configuration, where)
+    head, blocks, left_out, is_focused = with_configuration(*_blocks(text, where), configuration, where)
     unit = 1.0
     for line in head:
         with name_line_in_errors(where, line.number):
@@ -109,7 +109,8 @@ def lens_from_zmx(
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
     system = read_system(head, where, unit)
-    lens = lens_of_rows(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
+    name = (names or [where.rpartition(".")[0]])[0]
+    lens = lens_of_rows(rows, system, where, name, source, stop_size=stop_size, is_focused=is_focused)
     left_out = [*system.left_out, *left_out, *(["tilt and decentre of the image (COORDBRK)"] * turned)]
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")

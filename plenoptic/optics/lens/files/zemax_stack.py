@@ -94,9 +94,18 @@ class _Piece(NamedTuple):
 
 
 def lens_of_rows(
-    rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize
+    rows: list[Row],
+    system: System,
+    where: str,
+    name: str,
+    source: str,
+    *,
+    stop_size: StopSize,
+    is_focused: bool = False,
 ) -> LensStack:
-    """Lens from rows; the first row is the object and the last one the image."""
+    """Lens from rows; the first row is the object and the last one the image, which lies in the paraxial focus if
+    `is_focused`.
+    """
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
         raise _error(where, flagged[1], "STOP", f"surface {flagged[1].number} is a second STOP; a lens has one")
@@ -125,6 +134,8 @@ def lens_of_rows(
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
     if beam is not None:
+        with name_line_in_errors(where, rows[-2].lines["SURF"]):
+            behind = beam.to_image if is_focused else behind
         pieces = _with_sizes(pieces, system, aperture, beam, ambient, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
@@ -271,6 +282,13 @@ class _ParaxialBeam(NamedTuple):
         if not math.isfinite(self.pupil):
             raise PrescriptionError("the entrance pupil is at infinity")
         return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
+
+    @property
+    def to_image(self) -> float:
+        """Distance from the last element to the paraxial image."""
+        if self.leaving == 0:
+            raise PrescriptionError("the paraxial image is at infinity; give the last thickness")
+        return float(-self.medium_index * (self.heights[-1] @ self.marginal) / self.leaving)
 
     def factor(self, aperture: Aperture) -> float:
         """Factor that scales the marginal ray to a system aperture."""

@@ -18,6 +18,8 @@ _STEEPEST = 89.0
 """Largest angle of chief rays in degrees."""
 APERTURES = ("ENPD", "FNUM", "OBNA")
 """Keywords of system apertures that have a size."""
+VIGNETTING_OPERANDS = ("FVDX", "FVDY", "FVCX", "FVCY", "FVAN")
+"""Operands of configurations for the vignetting factors."""
 _VIGNETTING = ("VDXN", "VDYN", "VCXN", "VCYN", "VANN")
 _OTHERS = ("MODE", "UNIT", "NAME", "NOTE", "GCAT", "FTYP", "XFLN", "YFLN", "WAVM", "WAVL", "PWAV", "ENVD", "MNUM")
 KEYWORDS = frozenset([*_OTHERS, *APERTURES, "FLOA", *_VIGNETTING])

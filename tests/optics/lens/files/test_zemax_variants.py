@@ -320,6 +320,7 @@ def near(number: float) -> object:
         ("APER 0 2 1.3", lambda lens: cardinal_points(lens, D).entrance_pupil_semi_diameter, near(0.65)),
         ("YFIE 1 2 7", lambda lens: lens.specification.fields[0, 1], near(-math.radians(7.0))),
         ("THIC 5 2 33.5", lambda lens: lens.specification.z_image, near(35.0)),
+        ("PRAM 1 2 1E-4 0 2 0", lambda lens: lens.elements[0].aspheric, (0.0, 1e-4)),
         ("THIC 0 2 200", lambda lens: lens.specification.z_object, near(-209.0)),
     ],
 )  # fmt: skip
@@ -329,7 +330,8 @@ def test_operands_replace_numbers_of_one_configuration(tmp_path, operand, value,
         with pytest.raises(PrescriptionError, match="no glass"):
             load(tmp_path, *ZOOM, lines, configuration=2)
         return
-    lens, other = (load(tmp_path, *ZOOM, lines, configuration=number) for number in (2, 1))
+    surfaces = ("TYPE EVENASPH; PARM 2 0; " + ZOOM[0], *ZOOM[1:])
+    lens, other = (load(tmp_path, *surfaces, lines, configuration=number) for number in (2, 1))
     assert value(lens) == expected and value(other) != expected
 
 
@@ -342,7 +344,62 @@ def test_configurations_that_are_not_there_and_operands_that_are_not_read(tmp_pa
         load(tmp_path, *ZOOM, "", configuration=2)
     with pytest.raises(InvalidValueError, match="only .seq, .txt and .zmx files have several"):
         load_lens("singlet-100mm-f4", configuration=1)
+    said = r"configuration data of other kinds \(WAVE\), solves \(surfaces {} as in configuration 1\)"
+    for old, new, number in (
+        ("DISZ 30", "DISZ 30; MAZH 0 0.7", 5),
+        ("DISZ 1;", "DISZ 1; EDGE 2 0;", 4),
+        ("CURV -0.05", "CURV -0.05 2 1.5", 4),
+    ):
+        solved = [block.replace(old, new) for block in ZOOM]
+        with pytest.warns(FileWarning, match=f"left out are {said.format(number)}"):
+            load(tmp_path, *solved, f"{GAPS}; WAVE 1 2 0.6; FVCY 1 2 0; LTTL 0 2 Tele", configuration=2)
+
+
+def focus(*rows: tuple[float, float, float]) -> float:
+    """Distance from the last surface to the paraxial focus."""
+    y, nu, n = 1.0, 0.0, 1.0
+    for i, (curvature, gap, behind) in enumerate(rows):
+        nu -= (behind - n) * curvature * y
+        y, n = (y + gap * nu / behind, behind) if i < len(rows) - 1 else (y, behind)
+    return -y / nu
+
+
+@pytest.mark.parametrize(
+    "solves, behind_stop, rear",
+    [
+        ({3: "TCOM 2 40"}, lambda gap: 40.0 - gap, 0.03),
+        ({3: "TOLE 1 46"}, lambda gap: 42.0 - gap, 0.03),
+        ({3: "PZUP 2 -0.5 15"}, lambda gap: 15.0 - 0.5 * gap, 0.03),
+        ({3: "PZUP 2.0 1 0 0", 5: 'CURV 0.03 4 4.0 -1. 0 ""'}, lambda gap: gap, 0.04),
+    ],
+)
+def test_solves_follow_the_configuration(tmp_path, solves, behind_stop, rear):
+    blocks = [f"{block}; {solves.get(i, '')}".strip("; ") for i, block in enumerate(ZOOM, start=1)]
+    blocks[4] = (blocks[4].replace("CURV 0.03; ", "") if 5 in solves else blocks[4]) + "; MAZH 0 0"
+    for number, gap in ((2, 15.0), (3, 25.0)):
+        lens = load(tmp_path, *blocks, f"{GAPS}; CRVT 4 {number} -0.04", configuration=number)
+        after = behind_stop(gap)
+        assert np.diff(lens.vertices)[1:3] == pytest.approx([gap, after], rel=REL)
+        rows = ((0.02, 4.0, 1.5168), (-0.02, gap + after, 1.0), (-0.04, 1.0, 1.62), (rear, 0.0, 1.0))
+        assert cardinal_points(lens, D).efl == pytest.approx(focal_length(*rows), rel=1e-11)
+        assert lens.specification.z_image - lens.vertices[-1] == pytest.approx(focus(*rows), rel=1e-10)
+    # The file's numbers are those of the configuration that was active, and those of operands hold.
+    assert np.diff(load(tmp_path, *blocks, GAPS, configuration=1).vertices)[2] == 0.5
+    fixed = load(tmp_path, *blocks, f"{GAPS}; THIC 3 2 0.7; THIC 5 2 31", configuration=2)
+    assert (np.diff(fixed.vertices)[2], fixed.specification.z_image - fixed.vertices[-1]) == pytest.approx((0.7, 31.0))
+
+
+def test_solves_of_later_surfaces_are_refused(tmp_path):
+    blocks = [block.replace("DISZ 0.5", "DISZ 0.5; TCOM 4 40") for block in ZOOM]
+    with pytest.raises(PrescriptionError, match="line .*TCOM of surface 3 refers to 4; it must be a surface before"):
+        load(tmp_path, *blocks, GAPS, configuration=2)
+
+
+def test_the_focus_of_a_near_object_by_a_solve(tmp_path):
     solved = (*ZOOM[:-1], f"{ZOOM[-1]}; MAZH 0 0")
-    said = r"configuration data of other kinds \(WAVE\), solves of thickness \(surfaces 5 as in configuration 1\)"
-    with pytest.warns(FileWarning, match=f"left out are {said}"):
-        load(tmp_path, *solved, f"{GAPS}; WAVE 1 2 0.6", configuration=2)
+    lens = load(tmp_path, *solved, "MNUM 2 1; THIC 0 2 300; THIC 2 2 25", configuration=2)
+    y, nu, n = 300.0, 1.0, 1.0  # the axial ray of the object
+    for curvature, gap, behind in ((0.02, 4.0, 1.5168), (-0.02, 25.5, 1.0), (-0.05, 1.0, 1.62), (0.03, 0.0, 1.0)):
+        nu -= (behind - n) * curvature * y
+        y, n = y + gap * nu / behind, behind
+    assert lens.specification.z_image - lens.vertices[-1] == pytest.approx(-y / nu, rel=1e-11)
