@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import importlib.resources
+import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
-from plenoptic.core.values import choice, file_path
+from plenoptic.core.values import choice, file_path, positive
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import Medium
@@ -42,6 +43,7 @@ def load_lens(
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
     configuration: int | None = None,
+    focus: float | None = None,
     limits: FileLimits = TEXT,
 ) -> LensStack:
     """Load a bundled lens by name, or a lens from a file.
@@ -79,6 +81,10 @@ def load_lens(
     configuration : int, optional
         Number of the configuration of such a file, from 1: the position of a zoom, or the column of variable
         distances. Default: the first, or in a `.zmx` file the one that was active when it was saved.
+    focus : float, optional
+        Distance in mm from the object to the first surface, for a `.txt` file with columns for several of them (d0).
+        Between two columns all variable distances move linearly, to where the paraxial image of the object lies as in
+        the columns. `configuration` is then the position of a zoom.
     limits : FileLimits
         Limits of the file's size: by default at most 4 MiB.
 
@@ -91,7 +97,7 @@ def load_lens(
     FileError
         If the lens or file does not exist, cannot be read, or has an unknown ending.
     InvalidValueError
-        If the file has no such configuration.
+        If the file has no such configuration, or none for such a distance of the object.
     PrescriptionError
         If the file does not describe a valid lens; the message names the file and the line or element.
 
@@ -105,6 +111,10 @@ def load_lens(
     name = os.fspath(name_or_path)
     if configuration is not None and path.suffix.lower() not in _OF_PROGRAMS:
         raise InvalidValueError(f"configuration is {configuration!r:.40}; only .seq, .txt and .zmx files have several")
+    if focus is not None and focus != math.inf:
+        focus = positive(focus, "focus", "mm")
+    if focus is not None and path.suffix.lower() != ".txt":
+        raise InvalidValueError(f"focus is {focus!r:.40}; only .txt files have variable distances by focus distance")
     if isinstance(name_or_path, str) and name in lens_names():
         bundled = importlib.resources.files("plenoptic.optics.lens.files") / "data" / f"{name}.json"
         return lens_from_json(bundled.read_text(encoding="utf-8"), f"{name}.json")
@@ -119,7 +129,8 @@ def load_lens(
         from plenoptic.core.files.text_lines import decode_text
 
         text = decode_text(read_file(path, limits), errors="replace")
-        return _reader(ending)(text, path.name, glasses=glasses, stop_size=stop_size, configuration=configuration)
+        options = {"configuration": configuration} | ({} if focus is None else {"focus": focus})
+        return _reader(ending)(text, path.name, glasses=glasses, stop_size=stop_size, **options)
     if not isinstance(name_or_path, str) or path.parent != Path() or path.is_file():
         reason = "is a folder" if path.is_dir() else f"ends in {ending!r}"
         raise FileError(f"{name} {reason}; the lens files that can be read are {_ENDINGS}")

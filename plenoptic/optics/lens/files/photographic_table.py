@@ -6,6 +6,7 @@ The format is that of the Optical Bench of Photons to Photos; lengths are in mm.
   the stop, FS for a field stop, CG or Infinity for a plane. A thickness may be the name of a variable distance.
 - [variable distances]: a name and its values, one for each configuration: distances of zooming and focusing, d0 of the
   object, Bf behind the lens, Aperture Diameter of the stop; Angle of View (full, degrees) and Image Height (full).
+  For focus distances between the columns see `focus_position`.
 - [aspherical data]: number, radius, conic constant, then the coefficients of r^4, r^6, ...; of r^2, r^4, ... if
   [constants] have AsphericalA2, and of r^3, r^4, r^6, ... if they have AsphericalOddCount 1.
 - A glass is that of its name if a catalogue has it with the n_d of the table within 0.0005, otherwise the model glass
@@ -27,6 +28,7 @@ from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import check_count
+from plenoptic.optics.lens.files.focus_position import at_focus, columns_next_to
 from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
@@ -63,6 +65,7 @@ def lens_from_table(
     glasses: Mapping[str, Medium] | GlassCatalogue | None = None,
     stop_size: StopSize = StopSize.SYSTEM_APERTURE,
     configuration: int | None = None,
+    focus: float | None = None,
 ) -> LensStack:
     """Lens from the text of a descriptive table; `where` names the file in messages, `glasses` are looked up first.
 
@@ -75,15 +78,28 @@ def lens_from_table(
             f"{where}: there is no section [lens data]; the tables that can be read are those of the Optical Bench, "
             "with columns between tabs"
         )
-    variables = _variables(sections.get("variable distances", []), configuration, where)
+    columns = _columns(sections.get("variable distances", []), configuration, focus, where)
     catalogues = GlassNames.of(glasses)
+    tables = [_rows(sections, variables, catalogues, where) for variables in columns]
+    rows, variables = tables[0], columns[0]
+    if focus is not None:
+        rows = at_focus(tables[0], tables[1], focus, where)
+    title = next((cells.cell(1) for cells in sections.get("descriptive data", []) if cells.cell(0) == "title"), "")
+    system = _system(variables, rows, lens_data[0].line)
+    return lens_of_rows(rows, system, where, title or where.rpartition(".")[0], where, stop_size=stop_size)
+
+
+def _rows(
+    sections: Mapping[str, list[_Cells]], variables: Mapping[str, float], glasses: GlassNames, where: str
+) -> list[Row]:
+    """Rows of the lens with the values of the variables, from the object to the image."""
+    lens_data, names = sections["lens data"], dict[str, int]()
     rows = [Row(0, {"SURF": lens_data[0].line}, gap=_distance(variables, "d0", math.inf))]
-    names = {}
     for cells in lens_data:
         with name_line_in_errors(where, cells.line):
             check_count(len(rows))
             names[cells.cell(0)] = len(rows)
-            rows.append(_row(cells, len(rows), variables, catalogues))
+            rows.append(_row(cells, len(rows), variables, glasses))
     constants = {cells.cell(0): cells.cell(1) for cells in sections.get("constants", [])}
     for cells in sections.get("aspherical data", []):
         with name_line_in_errors(where, cells.line):
@@ -91,10 +107,7 @@ def lens_from_table(
                 raise PrescriptionError(f"[aspherical data] names surface {cells.cell(0)[:20]!r}, which does not exist")
             i = names[cells.cell(0)]
             rows[i] = _aspheric(rows[i], cells, constants)
-    rows.append(Row(len(rows), {"SURF": lens_data[-1].line}))
-    title = next((cells.cell(1) for cells in sections.get("descriptive data", []) if cells.cell(0) == "title"), "")
-    system = _system(variables, rows, lens_data[0].line)
-    return lens_of_rows(rows, system, where, title or where.rpartition(".")[0], where, stop_size=stop_size)
+    return [*rows, Row(len(rows), {"SURF": lens_data[-1].line})]
 
 
 def _sections(text: str) -> dict[str, list[_Cells]]:
@@ -109,18 +122,27 @@ def _sections(text: str) -> dict[str, list[_Cells]]:
     return sections
 
 
-def _variables(lines: list[_Cells], configuration: int | None, where: str) -> dict[str, float]:
-    """Values of the variables in a configuration, without undefined ones."""
+def _columns(lines: list[_Cells], configuration: int | None, focus: float | None, where: str) -> list[dict[str, float]]:
+    """Values of the variables in a configuration, or in the two columns next to a focus distance."""
     # The columns of distances: others may hold notes behind the values.
     widths = [len(cells.cells) - 1 for cells in lines if cells.cell(0) in ("Focal Length", "Magnification")]
     count = max(widths or [len(cells.cells) - 1 for cells in lines], default=1)
     chosen = 1 if configuration is None else whole(configuration, "configuration", at_least=1)
     if chosen > count:
         raise InvalidValueError(f"configuration is {chosen}; {where} has {count} ([variable distances])")
+    if focus is not None:
+        columns = [_column(lines, i, where) for i in range(1, count + 1)]
+        distances = [_distance(values, "d0", math.inf) for values in columns]
+        return [columns[i] for i in columns_next_to(distances, chosen, focus, where)]
     if configuration is None and count > 1:
         warn(
             f"{where}: left out are all but the first of {count} configurations; choose by configuration=", FileWarning
         )
+    return [_column(lines, chosen, where)]
+
+
+def _column(lines: list[_Cells], chosen: int, where: str) -> dict[str, float]:
+    """Values of the variables in a column, from 1, without undefined ones."""
     values = {}
     for cells in lines:
         # A single value holds in all configurations.

@@ -1,6 +1,8 @@
 """Descriptive tables of photographic lenses against matrices by hand, and messages."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,6 +81,108 @@ def test_a_near_object_and_a_distance_that_is_undefined(tmp_path):
         load(tmp_path, configuration=3)
     with pytest.raises(InvalidValueError, match=r"configuration is 4; lens.txt has 3 \(\[variable distances\]\)"):
         load(tmp_path, configuration=4)
+
+
+def image(object_distance: float, gap: float) -> float:
+    """Distance from the last surface of FOCUSING to the paraxial image."""
+    y, nu = (1.0, 0.0) if math.isinf(object_distance) else (object_distance, 1.0)
+    n = 1.0
+    for c, t, behind in ((1 / 60, 5.0, 1.6), (-1 / 90, gap, 1.0), (-1 / 200, 2.0, 1.7), (1 / 80, 0.0, 1.0)):
+        nu -= (behind - n) * c * y
+        y, n = y + t * nu / behind, behind
+    return -y / nu
+
+
+def gap_in_focus(object_distance: float, total: float) -> float:
+    """Gap before the second lens that brings the image to `total` mm behind the second surface, by bisection."""
+    low, high = 1.0, 20.0
+    for _ in range(60):
+        gap = 0.5 * (low + high)
+        low, high = (low, gap) if gap + 2.0 + image(object_distance, gap) < total else (gap, high)
+    return gap
+
+
+TOTAL = 2.0 + 4.0 + image(math.inf, 4.0)
+"""An inner lens moves, while object side and image stand still."""
+DISTANCES = (math.inf, 2000.0, 800.0)
+
+
+def focusing(distances=DISTANCES, zoom: int = 1, total: float = TOTAL) -> str:
+    """A table with columns for distances of the object, each for some zoom positions that are all the same lens."""
+    columns = [d for d in distances for _ in range(zoom)]
+    gaps = [gap_in_focus(d, total) for d in columns]
+    rows = {
+        "Focal Length": [100.0 + i % zoom if math.isinf(d) else "undefined" for i, d in enumerate(columns)],
+        "d0": ["Infinity" if math.isinf(d) else d for d in columns],
+        "d2": gaps,
+        "Bf": [total - 2.0 - gap + 0.1 * (i % zoom) for i, gap in enumerate(gaps)],
+    }
+    lines = "\n".join("\t".join([name, *(str(v) for v in values)]) for name, values in rows.items())
+    lens = "1\t60\t5\t1.6\t20\n2\t-90\td2\t\t20\n3\t-200\t2\t1.7\t16\n4\t80\t0\t\t16\n5\tAS\tBf\t\t10\n"
+    return f"[variable distances]\n{lines}\n[lens data]\n{lens}"
+
+
+@pytest.mark.parametrize("focus", [math.inf, 9000.0, 3000.0, 2000.0, 1500.0, 1000.0, 800.0])
+def test_variable_distances_at_a_focus_distance(tmp_path, focus):
+    lens = load(tmp_path, focusing(), focus=focus)
+    # One lens moves, so that the position in focus is that found by hand.
+    assert np.diff(lens.vertices)[1] == pytest.approx(gap_in_focus(focus, TOTAL), abs=1e-10)
+    assert float(lens.vertices[0]) - lens.specification.z_object == pytest.approx(focus)
+    assert lens.specification.z_image - float(lens.vertices[1]) == pytest.approx(TOTAL, abs=1e-10)
+    points = pl.paraxial.cardinal_points(lens, wavelength=LINE)
+    z_image = points.rear_focus  # Newton: x x' = -f^2
+    if math.isfinite(focus):
+        z_image += points.efl**2 / (points.front_focus - lens.specification.z_object)
+    assert z_image == pytest.approx(lens.specification.z_image, abs=1e-8)
+
+
+def test_columns_out_of_focus_stay_so_in_between(tmp_path):
+    """Both columns have their image 0.3 mm behind the sensor, and so has the position between them."""
+    text = re.sub(
+        r"Bf\t\S.*", lambda row: "Bf" + "".join(f"\t{float(b) - 0.3}" for b in row[0].split()[1:]), focusing()
+    )
+    lens = load(tmp_path, text, focus=1400.0)
+    assert np.diff(lens.vertices)[1] == pytest.approx(gap_in_focus(1400.0, TOTAL), abs=1e-10)
+
+
+def test_the_example_of_the_page_about_lenses(tmp_path, monkeypatch, capsys):
+    page = (Path(__file__).parents[4] / "docs" / "lenses.md").read_text(encoding="utf-8")
+    (code,) = (block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "focusing.txt" in block)
+    monkeypatch.chdir(tmp_path)
+    exec(code, {"pl": pl})
+    printed = [float(line.split()[1]) for line in capsys.readouterr().out.splitlines()]
+    assert printed == pytest.approx([gap_in_focus(d, TOTAL) for d in (math.inf, 2000.0, 1200.0, 800.0)], abs=1e-4)
+    assert printed == pytest.approx([float(n) for n in code.rpartition("#")[2].strip(" m\n").split(", ")], abs=5e-4)
+
+
+def test_focus_distances_of_a_zoom(tmp_path):
+    text = focusing(zoom=2)
+    for number, back in ((1, 0.0), (2, 0.1)):
+        lens = load(tmp_path, text, configuration=number, focus=1200.0)
+        assert lens.specification.z_image - float(lens.vertices[1]) == pytest.approx(TOTAL + back, abs=1e-12)
+    assert load(tmp_path, text, focus=1200.0) == load(tmp_path, text, configuration=1, focus=1200.0)
+
+
+@pytest.mark.parametrize(
+    "text, focus, message",
+    [
+        (focusing(), 700.0, r"focus is 700 mm; lens.txt states 800 to inf mm \(d0\)"),
+        (focusing((2000.0, 800.0)), math.inf, "focus is inf mm; lens.txt states 800 to 2000 mm"),
+        (focusing((math.inf,)), 900.0, "focus is 900 mm; lens.txt states inf to inf mm"),
+        (focusing(), -900.0, "focus is -900 mm; it must be above 0"),
+        (
+            re.sub(r"(?m)^(\d)\t-?\d+\t", r"\1\tInfinity\t", focusing()),
+            4900.0,
+            "no position between the columns of lens.txt",
+        ),
+        (focusing((math.inf, 800.0, math.inf)), 900.0, "does not state the same focus distances .* for each of 2 zoom"),
+    ],
+)
+def test_focus_distances_that_are_not_stated(tmp_path, text, focus, message):
+    with pytest.raises(InvalidValueError, match=message):
+        load(tmp_path, text, focus=focus)
+    with pytest.raises(InvalidValueError, match="only .txt files have variable distances by focus distance"):
+        load_lens("singlet-100mm-f4", focus=900.0)
 
 
 @pytest.mark.parametrize(
