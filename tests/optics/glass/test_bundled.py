@@ -98,8 +98,10 @@ def test_media_that_lens_files_name_have_the_published_index(name, wavelength, i
 @pytest.mark.parametrize(
     "name, listed, error",
     [
-        ("FK51", (1.4905574408, 1.4865610802, 1.4847971397), 2e-7),
+        ("FK51", (1.4905574408, 1.4865610802, 1.4847971397), 1e-10),
         ("FK51", [1.486979 - 0.031926 * w + 0.0018194 * w * w for w in ROBB_AND_MERCADO], 4e-5),
+        ("LAFN21", (1.7999198414, 1.7883089381, 1.7833135149), 1.5e-5),
+        ("LAFN21", [1.789509 - 0.091657 * w + 0.0062015 * w * w for w in ROBB_AND_MERCADO], 5e-5),
         ("SF53", (1.7463473341, 1.7283008787, 1.7209592054), 1.2e-5),
     ],
 )
