@@ -1,7 +1,7 @@
 """Lenses against values that others read out of Ansys Zemax OpticStudio.
 
 Source of all numbers: https://github.com/optiland/optiland/issues/710 and the pull request 714. The singlet is by
-OpticStudio 2025 R2.02, Hubble (M. Laikin, Lens Design, 4th ed., 2007, p. 200) by OpticStudio 2023 R1.02.
+OpticStudio 2025 R2.02, the triplet by 2026 R1.00, Hubble (M. Laikin, Lens Design, 4th ed., 2007, p. 200) by 2023 R1.02.
 """
 
 import math
@@ -120,21 +120,51 @@ DISZ 92.7383463
 SURF 3
 """
     (tmp_path / "singlet.zmx").write_text(text)
-    lens = pl.load_lens(tmp_path / "singlet.zmx")
+    figures = {
+        101.501826: "efl", 25.0: "epd", 6.318809: "entrance", 23.397108: "xpd", -92.738346: "exit", 4.060073: "number",
+        2.255622: "focus", -99.246204: "rear", 1.093608: "invariant",
+    }  # fmt: skip
+    first_order = _first_order(pl.load_lens(tmp_path / "singlet.zmx"), 5.0)
+    for listed, name in figures.items():
+        assert first_order[name] == pytest.approx(listed, abs=6e-7, rel=0), name
+
+
+def test_cooke_triplet_first_order(tmp_path):
+    """Fifteen digits are listed, by OpticStudio 2026 R1.00; SK16 of Hikari, F2 of Schott."""
+    surfaces = (
+        (22.01359, 3.25896, "SK16"), (-435.76044, 6.00755, ""), (-22.21328, 0.99997, "F2"), (20.29192, 4.75041, ""),
+        (79.68360, 2.95208, "SK16"), (-18.39533, 42.20778, ""),
+    )  # fmt: skip
+    head = "UNIT MM;ENPD 10;FTYP 0 0 1 1;XFLN 0;YFLN 20;WAVM 1 0.55 1;PWAV 1;GCAT SCHOTT HIKARI;SURF 0;DISZ INFINITY"
+    rows = [
+        f"SURF {i};CURV {1 / radius!r};DISZ {gap}{glass and f';GLAS {glass}'}{';STOP' * (i == 4)}"
+        for i, (radius, gap, glass) in enumerate(surfaces, start=1)
+    ]
+    (tmp_path / "cooke.zmx").write_text(";".join([head, *rows, "SURF 7"]).replace(";", "\n"))
+    figures = {
+        49.99978307143194: "efl", 10.0: "epd", 11.51215867374679: "entrance", 10.23372956403460: "xpd",
+        -50.96134802390034: "exit", 4.999978307143193: "number", 0.2070775589588518: "focus",
+        -49.79270551247308: "rear", 1.819851171331012: "invariant",
+    }  # fmt: skip
+    first_order = _first_order(pl.load_lens(tmp_path / "cooke.zmx"), 20.0)
+    for listed, name in figures.items():
+        # Its exit pupil follows from rays that are not quite paraxial.
+        assert first_order[name] == pytest.approx(listed, rel=2e-8 if name in ("xpd", "exit") else 2e-12), name
+
+
+def _first_order(lens: pl.LensStack, angle: float) -> dict[str, float]:
+    """Figures of the listings; the angle of the field in degrees."""
     wave, z = lens.specification.wavelengths[0], lens.specification.z_image
     points = pl.paraxial.cardinal_points(lens, wavelength=wave)
-    invariant = pl.paraxial.lagrange_invariant(
-        pl.paraxial.marginal_ray(lens, wavelength=wave), pl.paraxial.chief_ray(lens, math.radians(5.0), wavelength=wave)
-    )
-    figures = {
-        101.501826: points.efl,
-        25.0: 2.0 * points.entrance_pupil_semi_diameter,
-        6.318809: points.entrance_pupil - float(lens.vertices[0]),
-        23.397108: 2.0 * points.exit_pupil_semi_diameter,
-        -92.738346: points.exit_pupil - z,
-        4.060073: points.f_number,
-        2.255622: points.rear_focus - z,
-        -99.246204: points.rear_principal - z,
-        1.093608: abs(invariant),
+    chief = pl.paraxial.chief_ray(lens, math.radians(angle), wavelength=wave)
+    return {
+        "efl": points.efl,
+        "epd": 2.0 * points.entrance_pupil_semi_diameter,
+        "entrance": points.entrance_pupil - float(lens.vertices[0]),
+        "xpd": 2.0 * points.exit_pupil_semi_diameter,
+        "exit": points.exit_pupil - z,
+        "number": points.f_number,
+        "focus": points.rear_focus - z,
+        "rear": points.rear_principal - z,
+        "invariant": abs(pl.paraxial.lagrange_invariant(pl.paraxial.marginal_ray(lens, wavelength=wave), chief)),
     }
-    np.testing.assert_allclose(list(figures.values()), list(figures), atol=6e-7, rtol=0)

@@ -219,3 +219,34 @@ def test_public_lens_files_load_and_agree_with_an_independent_trace():
     print(f"not loaded: {reasons.most_common()}\nnot compared: {unread.most_common()}")
     assert files and compared
     assert not wrong, wrong
+
+
+@pytest.mark.slow
+def test_public_lens_files_agree_with_listings_of_opticstudio():
+    """Files NAME.zmx with a listing "System/Prescription Data" NAME.txt, as in github.com/nzhagen/LensLibrary.
+
+    Listings have seven digits; their focal length is that in air. The wavelengths of files are rounded.
+    """
+    paths = [path for path in Path(FOLDER).rglob("*") if path.suffix.lower() in (".zmx", ".txt")]
+    listings = {path.stem: path for path in paths if path.suffix == ".txt"}
+    errors = collections.defaultdict(dict)
+    for path in sorted(path for path in paths if path.suffix.lower() == ".zmx" and path.stem in listings):
+        text = decode_text(listings[path.stem].read_bytes())
+        names = "Effective Focal Length|Entrance Pupil Diameter|Stop Radius"
+        listed = dict(reversed(re.findall(rf"(?m)^({names}) *:\s*(\S+)", text)))  # the focal length in air is the first
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                lens = pl.load_lens(path)
+            except PlenopticError:
+                continue
+        points = pl.paraxial.cardinal_points(lens, wavelength=lens.specification.wavelengths[0])
+        in_air = points.efl / float(lens.ambient.index(lens.specification.wavelengths[0]))
+        ours = (in_air, 2.0 * points.entrance_pupil_semi_diameter, lens.stop.semi_diameter)
+        for (name, number), value in zip(sorted(listed.items()), ours, strict=True):
+            if abs(float(number)) < 1e3 * lens.length:
+                errors[name][path.stem] = abs(abs(value / float(number)) - 1.0)
+    for name, of_file in errors.items():
+        accurate = sum(error < 1e-5 for error in of_file.values())
+        print(f"{name}: {len(of_file)} files, {accurate} to 1e-5, worst {max(of_file.values()):.1e}")
+    assert errors and not [of_file for of_file in errors.values() if max(of_file.values()) > 1e-4], errors
