@@ -21,8 +21,8 @@ def decode_text(content: bytes, *, errors: str = "strict") -> str:
     """The text of a file in UTF-16 with or without its mark (and `errors` as for `bytes.decode`), UTF-8, or Latin-1."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors)
-    if content[1:2] == b"\0":
-        return content.decode("utf-16-le", errors)
+    if b"\0" in content[:2]:
+        return content.decode("utf-16-le" if content[1:2] == b"\0" else "utf-16-be", errors)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -153,7 +153,7 @@ def test_encodings_line_ends_and_indentation(tmp_path):
     assert expected.name == "Gauß"
     texts = [text.replace("\n", newline) for newline in ("\n", "\r\n", "\r")]
     texts += [re.sub(r"(?m)^ +", "", text), re.sub(r"(?m)^ +(\w+) ", "\t\\1\t", text)]
-    for encoding, written in itertools.product(("utf-16", "utf-16-le", "utf-8-sig", "latin-1"), texts):
+    for encoding, written in itertools.product(("utf-16", "utf-16-le", "utf-16-be", "utf-8-sig", "latin-1"), texts):
         path.write_bytes(written.encode(encoding))
         lens = load_lens(path)
         assert (lens.name, lens.elements) == (expected.name, expected.elements), (encoding, written[:80])
