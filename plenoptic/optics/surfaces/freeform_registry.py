@@ -1,7 +1,7 @@
 """Registry of freeform terms, and their types in Zemax files.
 
 Each term is a sag that is added to a conic or asphere, and 0 at the vertex. Odd powers belong to types of Zemax files
-that have even powers, too; see `zemax_powers`.
+that have even powers, too; see `lens.files.zemax`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ The format is that of the Optical Bench of Photons to Photos; lengths are in mm.
   the stop, FS for a field stop, CG or Infinity for a plane. A thickness may be the name of a variable distance.
 - [variable distances]: a name and its values, one for each configuration: distances of zooming and focusing, d0 of the
   object, Bf behind the lens, Aperture Diameter of the stop; Angle of View (full, degrees) and Image Height (full).
-  For focus distances between the columns see `focus_position`.
+  At a focus distance between two columns, the lenses stand on the straight way between them, with the image in focus.
 - [aspherical data]: number, radius, conic constant, then the coefficients of r^4, r^6, ...; of r^2, r^4, ... if
   [constants] have AsphericalA2, and of r^3, r^4, r^6, ... if they have AsphericalOddCount 1.
 - A glass is that of its name if a catalogue has it with the n_d of the table within 0.0005, otherwise the model glass
@@ -16,7 +16,7 @@ The format is that of the Optical Bench of Photons to Photos; lengths are in mm.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,6 @@ from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
 from plenoptic.optics.glass.catalogue import GlassCatalogue
 from plenoptic.optics.glass.media import AIR, D_LINE, Medium
 from plenoptic.optics.lens.elements import check_count
-from plenoptic.optics.lens.files.focus_position import at_focus, columns_next_to
 from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
@@ -41,6 +40,8 @@ _SAME_GLASS = 5e-4
 """Difference of n_d between a table and a catalogue up to which a name is trusted."""
 _SAME_RADIUS = 1e-3
 """Relative difference up to which the radius in [aspherical data] agrees with that in [lens data]."""
+_BISECTIONS = 60
+"""Halvings of the way between two columns: to rounding errors."""
 _PLANES = ("AS", "FS", "CG", "INFINITY")
 _UNDEFINED = ("", "UNDEFINED")
 
@@ -83,7 +84,7 @@ def lens_from_table(
     tables = [_rows(sections, variables, catalogues, where) for variables in columns]
     rows, variables = tables[0], columns[0]
     if focus is not None:
-        rows = at_focus(tables[0], tables[1], focus, where)
+        rows = _at_focus(tables[0], tables[1], focus, where)
     title = next((cells.cell(1) for cells in sections.get("descriptive data", []) if cells.cell(0) == "title"), "")
     system = _system(variables, rows, lens_data[0].line)
     return lens_of_rows(rows, system, where, title or where.rpartition(".")[0], where, stop_size=stop_size)
@@ -133,12 +134,76 @@ def _columns(lines: list[_Cells], configuration: int | None, focus: float | None
     if focus is not None:
         columns = [_column(lines, i, where) for i in range(1, count + 1)]
         distances = [_distance(values, "d0", math.inf) for values in columns]
-        return [columns[i] for i in columns_next_to(distances, chosen, focus, where)]
+        return [columns[i] for i in _columns_next_to(distances, chosen, focus, where)]
     if configuration is None and count > 1:
         warn(
             f"{where}: left out are all but the first of {count} configurations; choose by configuration=", FileWarning
         )
     return [_column(lines, chosen, where)]
+
+
+def _columns_next_to(distances: Sequence[float], chosen: int, focus: float, where: str) -> tuple[int, int]:
+    """Columns of a zoom position whose distances of the object (mm) enclose the focus distance, the nearer first.
+
+    With several columns at infinity, the positions of a zoom, those of near objects follow in the same order.
+    """
+    n_zoom = max(1, sum(map(math.isinf, distances)))
+    if len(distances) % n_zoom or (n_zoom > 1 and not all(map(math.isinf, distances[:n_zoom]))):
+        raise InvalidValueError(
+            f"{where} does not state the same focus distances (d0) for each of {n_zoom} zoom positions, those of "
+            "infinity first; choose a column by configuration="
+        )
+    positions = range((chosen - 1) % n_zoom, len(distances), n_zoom)
+    nearer = [i for i in positions if distances[i] <= focus]
+    farther = [i for i in positions if distances[i] >= focus]
+    if not nearer or not farther:
+        stated = [distances[i] for i in positions]
+        raise InvalidValueError(f"focus is {focus:g} mm; {where} states {min(stated):g} to {max(stated):g} mm (d0)")
+    return max(nearer, key=distances.__getitem__), min(farther, key=distances.__getitem__)
+
+
+def _at_focus(near: list[Row], far: list[Row], focus: float, where: str) -> list[Row]:
+    """Rows of the position at which an object at the focus distance has its paraxial image where the columns have it.
+
+    All gaps and the stop's diameter change linearly from column to column, and so does the distance of the image from
+    the image surface.
+    """
+    if far[0].gap == focus:
+        return far
+    defocus_near, defocus_far = _defocus(near), _defocus(far)
+
+    def rows_at(part: float) -> list[Row]:
+        moved = [
+            a._replace(gap=a.gap + part * (b.gap - a.gap), diameter=a.diameter + part * (b.diameter - a.diameter))
+            for a, b in zip(near[1:], far[1:], strict=True)
+        ]
+        return [near[0]._replace(gap=focus), *moved]
+
+    def excess(part: float) -> float:
+        return _defocus(rows_at(part)) - (defocus_near + part * (defocus_far - defocus_near))
+
+    low, high, sign = 0.0, 1.0, math.copysign(1.0, excess(1.0))
+    if not excess(0.0) * sign <= 0:
+        raise InvalidValueError(
+            f"focus is {focus:g} mm, and no position between the columns of {where} for {near[0].gap:g} and "
+            f"{far[0].gap:g} mm (d0) has its image there; choose one of them by configuration="
+        )
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if excess(middle) * sign > 0 else (middle, high)
+    return rows_at(0.5 * (low + high))
+
+
+def _defocus(rows: list[Row]) -> float:
+    """Distance in mm from the image surface to the paraxial image at the d line."""
+    distance = rows[0].gap
+    y, angle, n = (1.0, 0.0, 1.0) if math.isinf(distance) else (distance, 1.0, 1.0)  # the angle times the index
+    for row in rows[1:-1]:
+        behind = float(row.medium.index(D_LINE))
+        curvature = row.curvature + (2.0 * row.aspheric[0] if row.aspheric else 0.0)
+        angle -= (behind - n) * curvature * y
+        y, n = y + row.gap * angle / behind, behind
+    return -n * y / angle if angle else math.inf
 
 
 def _column(lines: list[_Cells], chosen: int, where: str) -> dict[str, float]:

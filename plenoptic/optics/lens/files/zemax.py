@@ -16,7 +16,7 @@ glued to the sensor: a last surface without refraction of positions, from glass 
 - COORDBRK gives the elements that follow a `Placement`. Mirrors (GLAS MIRROR) are unfolded: plane ones are removed,
   curved ones reflect (`Mirror`). See `zemax_folds`.
 - Solves and pickups have their values in the file. Of several configurations, the one active on saving is read, or the
-  one that the caller chooses; see `zemax_configurations` and `zemax_solves`.
+  one that the caller chooses; see `zemax_configurations`.
 - GLAS: a name is looked up in the catalogue of the caller, then in the bundled ones, those named by the file (GCAT)
   first. ___BLANK, and any name whose second entry is 1, is a model glass of n_d and V_d; V_d = 0 means no dispersion,
   and the deviation of the partial dispersion is ignored. Six digits, 517642, are n_d 1.517 and V_d 64.2. A surface at
@@ -48,6 +48,8 @@ import math
 import re
 from collections.abc import Mapping
 
+import numpy as np
+
 from plenoptic.core.files.text_lines import name_line_in_errors, parse_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import FileWarning, PrescriptionError
@@ -57,17 +59,22 @@ from plenoptic.optics.lens.elements import check_count
 from plenoptic.optics.lens.files.glass_names import GlassNames, model_medium
 from plenoptic.optics.lens.files.zemax_configurations import with_configuration
 from plenoptic.optics.lens.files.zemax_folds import has_folds, unfold, with_mirrors_of_negative_index
-from plenoptic.optics.lens.files.zemax_powers import EXTENDED, ODD, even_and_odd_powers
 from plenoptic.optics.lens.files.zemax_stack import Row, lens_of_rows
 from plenoptic.optics.lens.files.zemax_system import KEYWORDS, Line, read_system
 from plenoptic.optics.lens.specification import StopSize
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.freeform_bounds import ZemaxNumbers
 from plenoptic.optics.surfaces.freeform_registry import ZEMAX
+from plenoptic.optics.surfaces.odd_powers import OddPowerSag
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "M": 1000.0, "METER": 1000.0, "METERS": 1000.0}
 _TERMS = 8
 _BREAK = "COORDBRK"
+_EXTENDED = {"XASPHERE": 2, "XOSPHERE": 1}
+"""Types with XDAT: step of the powers of r from term to term."""
+_ODD = "ODDASPHE"
+"""The type whose PARM 1, 2, ... are of r, r^2, ...; those of other types are of r^2, r^4, ..."""
+_MAX_TERMS = 240
 _REFUSED = {
     **dict.fromkeys(("SQOB", "ELOB", "USOB"), "obscurations that are not round"),
     **dict.fromkeys(("USAP", "UDAD"), "user-defined apertures"),
@@ -108,9 +115,8 @@ def lens_from_zmx(
     names = [line.rest for line in head if line.keyword == "NAME" and line.rest]
     notes = [line.rest.partition(" ")[2].strip() for line in head if line.keyword == "NOTE"]
     source = "; ".join([where, *filter(None, notes)])
-    system = read_system(head, where, unit)
-    name = (names or [where.rpartition(".")[0]])[0]
-    lens = lens_of_rows(rows, system, where, name, source, stop_size=stop_size, is_focused=is_focused)
+    system = read_system(head, where, unit)._replace(is_focused=is_focused)
+    lens = lens_of_rows(rows, system, where, (names or [where.rpartition(".")[0]])[0], source, stop_size=stop_size)
     left_out = [*system.left_out, *left_out, *(["tilt and decentre of the image (COORDBRK)"] * turned)]
     if len(system.fields) and lens.specification is not None and not len(lens.specification.fields):
         left_out.append(f"fields of type {system.field_type} (FTYP)")
@@ -188,7 +194,7 @@ def _row(block: list[Line], where: str, unit: float, glasses: GlassNames) -> Row
                 kind = _type(line, number)
             elif line.keyword == "PARM" and kind != "STANDARD":
                 _set_parameter(parameters, line, kind)
-            elif line.keyword == "XDAT" and kind in (*ZEMAX, *EXTENDED):
+            elif line.keyword == "XDAT" and kind in (*ZEMAX, *_EXTENDED):
                 extra[int(line.real(0))] = line.real(1)
             else:
                 row = _with_line(row, line, unit, glasses)
@@ -203,13 +209,51 @@ def _row(block: list[Line], where: str, unit: float, glasses: GlassNames) -> Row
         if ZEMAX[kind].is_whole:
             return row._replace(curvature=0.0, conic=0.0)
     with name_line_in_errors(where, row.lines.get("XDAT" if extra else "PARM", row.lines["SURF"])):
-        aspheric, odd = even_and_odd_powers(kind, parameters, extra, unit)
+        aspheric, odd = _even_and_odd_powers(kind, parameters, extra, unit)
     return row._replace(aspheric=aspheric, freeform=row.freeform if odd is None else odd)
+
+
+def _even_and_odd_powers(
+    kind: str, parameters: Mapping[int, float], extra: Mapping[int, float], unit: float
+) -> tuple[tuple[float, ...], OddPowerSag | None]:
+    """Coefficients of r^2, r^4, ..., and the term of r^3, r^5, ..., of a surface with PARM and XDAT in units of the
+    file, of `unit` mm.
+    """
+    if kind in _EXTENDED and extra.get(1, 0.0) != 0:
+        step, terms, keyword, first = _EXTENDED[kind], _extended_terms(extra, kind), "XDAT", 3
+    elif kind == "XOSPHERE" and any(parameters.values()):
+        raise PrescriptionError("PARM of an XOSPHERE is not read; give its XDAT")
+    else:
+        step, terms, keyword, first = 1 if kind == _ODD else 2, dict(parameters), "PARM", 1
+    # z and r have the same scale: a coefficient of r^p is in unit^(1 - p).
+    of_power = {step * i: term * unit ** (1 - step * i) for i, term in terms.items() if term != 0}
+    if 1 in of_power:
+        raise PrescriptionError(
+            f"{kind} has a term of r ({keyword} {first}), a cone, which has no normal at its vertex; only powers from "
+            "r^2 on can be read: set it to 0"
+        )
+    last = max(of_power, default=0)
+    odd = [of_power.get(p, 0.0) for p in range(3, last + 1, 2)]
+    even = tuple(of_power.get(p, 0.0) for p in range(2, last + 1, 2))
+    return even, OddPowerSag(odd) if any(odd) else None
+
+
+@np.errstate(all="ignore")
+def _extended_terms(extra: Mapping[int, float], kind: str) -> dict[int, float]:
+    """Coefficients of the terms of an extended asphere by their number, in units of the file."""
+    count, norm = extra[1], extra.get(2, 0.0)
+    if not (count.is_integer() and 0 < count <= _MAX_TERMS and norm > 0 and count + 2 in extra):
+        raise PrescriptionError(
+            f"{kind} has {count:g} terms (XDAT 1), norm radius {norm:g} (XDAT 2) and XDAT up to {max(extra)}; it must "
+            f"have 1 to {_MAX_TERMS} terms, a radius above 0, and all terms from XDAT 3 on"
+        )
+    powers = np.float64(norm) ** (_EXTENDED[kind] * np.arange(int(count) + 1))  # may overflow: refused by the surface
+    return {i: float(a / powers[i]) for i in range(1, int(count) + 1) if (a := extra.get(i + 2, 0.0)) != 0}
 
 
 def _type(line: Line, number: int) -> str:
     kind = line.word(0).upper()
-    types = ("STANDARD", "EVENASPH", ODD, _BREAK, *EXTENDED, *ZEMAX)
+    types = ("STANDARD", "EVENASPH", _ODD, _BREAK, *_EXTENDED, *ZEMAX)
     if kind not in types:
         raise PrescriptionError(
             f"surface {number} is of type {kind[:40]}; the surfaces that can be read are {', '.join(types)}"

@@ -29,13 +29,10 @@ from plenoptic.optics.surfaces.mirror import medium_behind
 from plenoptic.optics.surfaces.surface import Surface
 
 _ROUNDING = 1e-12
-
 _UNKNOWN_SIZE = 1e-9
 """Placeholder for an unknown semi-diameter in mm; relative to the radius of curvature if that is smaller."""
-
 _BEYOND = 1.1
 """Outer radius of a ring over the semi-diameter of its surface."""
-
 _INFINITE = 1e10
 """Distance in mm from which on an object counts as at infinity."""
 
@@ -94,25 +91,14 @@ class _Piece(NamedTuple):
 
 
 def lens_of_rows(
-    rows: list[Row],
-    system: System,
-    where: str,
-    name: str,
-    source: str,
-    *,
-    stop_size: StopSize,
-    is_focused: bool = False,
+    rows: list[Row], system: System, where: str, name: str, source: str, *, stop_size: StopSize
 ) -> LensStack:
-    """Lens from rows; the first row is the object and the last one the image, which lies in the paraxial focus if
-    `is_focused`.
-    """
+    """Lens from rows; the first row is the object and the last one the image."""
     flagged = [row for row in rows if row.is_stop]
     if len(flagged) > 1:
         raise _error(where, flagged[1], "STOP", f"surface {flagged[1].number} is a second STOP; a lens has one")
     if flagged and flagged[0] in (rows[0], rows[-1]):
-        raise _error(
-            where, flagged[0], "STOP", "the object or the image is the STOP; it must be a surface between them"
-        )
+        raise _error(where, flagged[0], "STOP", "the object or the image is the STOP; it must lie between them")
     ambient = rows[0].medium
     rows = _with_glued_sensor(rows, where)
     if rows[0].gap >= _INFINITE:
@@ -134,8 +120,7 @@ def lens_of_rows(
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
     if beam is not None:
-        with name_line_in_errors(where, rows[-2].lines["SURF"]):
-            behind = beam.to_image if is_focused else behind
+        behind = beam.to_image if system.is_focused and beam.leaving else behind
         pieces = _with_sizes(pieces, system, aperture, beam, ambient, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
@@ -198,9 +183,7 @@ def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece],
     for (row, kind, gap), (following, *_) in itertools.pairwise(kinds):
         if kind is _As.SURFACE and gap < 0 and following.is_stop:
             message = f"the stop lies {-gap:g} mm before the vertex of surface {row.number}, which light meets first"
-            raise _error(
-                where, row, "DISZ", f"{message}; such a stop cannot be modelled: give it a surface before that"
-            )
+            raise _error(where, row, "DISZ", f"{message}; such a stop cannot be modelled: give it a surface before it")
     last = len(kinds) - 1
     pieces = [_piece(row, kind, 0.0 if i == last else gap, where) for i, (row, kind, gap) in enumerate(kinds)]
     return pieces, distance, kinds[-1][2] if kinds else 0.0
@@ -285,10 +268,8 @@ class _ParaxialBeam(NamedTuple):
 
     @property
     def to_image(self) -> float:
-        """Distance from the last element to the paraxial image."""
-        if self.leaving == 0:
-            raise PrescriptionError("the paraxial image is at infinity; give the last thickness")
-        return float(-self.medium_index * (self.heights[-1] @ self.marginal) / self.leaving)
+        """Distance from the last element to the paraxial image; `leaving` is not 0."""
+        return -self.medium_index * float(self.heights[-1] @ self.marginal) / self.leaving
 
     def factor(self, aperture: Aperture) -> float:
         """Factor that scales the marginal ray to a system aperture."""

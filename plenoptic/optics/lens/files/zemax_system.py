@@ -79,6 +79,8 @@ class System(NamedTuple):
     wavelengths: tuple[float, ...]
     """The primary one first."""
     left_out: tuple[str, ...]
+    is_focused: bool = False
+    """True if the image lies in the paraxial focus, whatever the last gap."""
 
     def chief_slopes(self, distance: float, pupil: float, focal_length: float) -> Floats:
         """Slopes (n, 2) of the chief rays in front of the lens, towards a pupil `pupil` mm behind the first element."""
