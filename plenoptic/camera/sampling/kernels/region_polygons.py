@@ -309,11 +309,12 @@ def fill_regions(regions, counts, points, group, candidates, corners, geometry, 
             for j in range(0 if has_core else count):
                 planes[j, GAP] = 0.0
             first_plane = end_plane
-            motion[:] = 0.0
             round_area = 0.0
             if candidate.transfers == 1 and not with_core:
                 transfer = transfers[candidate.first_transfer]
                 round_area = fill_round_piece(box, motion, transfer, candidate, corners, (centre, half))
+            if not round_area > 0.0:
+                motion[:] = 0.0
             n_cuts = _count_clipping_planes(polygon, n, planes, count, half) if varies else 0
             if round_area > 0.0:
                 n, piece_area, n_cuts = ROUND_CORNERS, round_area, 0
