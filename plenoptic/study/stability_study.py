@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,7 +104,7 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     PlenopticError
         If mpmath is not installed or the repository not there.
     InvalidValueError
-        If `rays` is below 1 or no case is left.
+        If an argument is of another kind, `rays` is below 1, or no case is left.
 
     Examples
     --------
@@ -114,9 +114,10 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     ((('MISSED', 10),), True)
     """
     count, first = whole(rays, "rays", at_least=1), seed_number(seed)
+    beginnings = None if only is None else _checked_beginnings(only)
     study = _reference()
     cases = study.rounding_cases()
-    chosen = [case for case in cases if only is None or case.name.startswith(tuple(only))]
+    chosen = [case for case in cases if beginnings is None or case.name.startswith(beginnings)]
     if not chosen:
         names = ", ".join(repr(case.name) for case in cases)
         raise InvalidValueError(f"only is {only!r}, and no case begins so; the cases are {names}")
@@ -133,6 +134,14 @@ def stability(*, rays: int = THOROUGH, seed: int = 0, only: Sequence[str] | None
     beyond = [row.case for row in rows if not row.holds]
     note = f"{len(beyond)} beyond their bounds: {', '.join(beyond)}" if beyond else "all within their bounds"
     return StudyTable(rows, [f"{len(rows)} cases, {note}."], interrupted=len(rows) < len(chosen))
+
+
+def _checked_beginnings(only: Sequence[str]) -> tuple[str, ...]:
+    """Beginnings of names as a tuple; a text alone would be taken as its letters."""
+    beginnings = () if isinstance(only, str | bytes) or not isinstance(only, Iterable) else tuple(only)
+    if not beginnings or not all(isinstance(name, str) for name in beginnings):
+        raise InvalidValueError(f"only is {only!r}; it must be a sequence of names or their beginnings: ['plane']")
+    return beginnings
 
 
 def _reference() -> Any:

@@ -10,6 +10,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.command.main import main
+from plenoptic.errors import InvalidValueError
 from plenoptic.study import stability
 from plenoptic.study.stability_study import QUICK, StabilityRow
 
@@ -124,6 +125,16 @@ def test_the_command_prints_the_table_and_says_what_is_wrong(capsys):
     ):
         assert main(["study", "stability", *typed.split()]) == 1
         assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("only", ["plane", b"plane", 5, [3], ["plane", None], [], True], ids=repr)
+def test_beginnings_of_names_are_checked_before_anything_runs(only, monkeypatch):
+    monkeypatch.setattr("plenoptic.study.stability_study._reference", lambda: pytest.fail("cases are loaded"))
+    with pytest.raises(InvalidValueError, match=r"it must be a sequence of names or their beginnings: \['plane'\]"):
+        stability(only=only)
+    for wrong in ({"rays": "many"}, {"rays": 2.5}, {"rays": True}, {"seed": -1}, {"seed": None}):
+        with pytest.raises(InvalidValueError, match=r"(rays|seed) is .*; it must be"):
+            stability(**wrong)
 
 
 def test_without_mpmath_or_the_repository_it_says_how_to_get_it(monkeypatch, tmp_path):

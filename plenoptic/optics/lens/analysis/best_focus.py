@@ -15,7 +15,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
-from plenoptic.optics.lens.pupil.beam import ImagedPoint, checked_point, checked_wavelengths, passing_light
+from plenoptic.optics.lens.pupil.beam import ImagedPoint, checked_point, checked_wavelengths, field_text, passing_light
 from plenoptic.optics.lens.stack import LensStack
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
@@ -182,10 +182,16 @@ def _beam(
     z_near = guess if math.isfinite(guess) else float(lens.vertices[-1])
     source = ImagedPoint(point, z, z_near, wavelengths)
     light = passing_light(lens, source, rays=rays, seed=seed, replicates=_REPLICATES)
+    if not light.emitted:
+        unit = "in rad, not degrees" if math.isinf(z) else "in mm"
+        raise InvalidValueError(
+            f"no ray from the field {field_text(point, z)} reaches the iris of {lens.name or 'the lens'}: the field is "
+            f"too far from the axis; give a smaller one, {unit}"
+        )
     if len(light.points) < 2:
         raise InvalidValueError(
-            f"{len(light.points)} of {light.emitted} rays from the field {point} pass the lens; give a field that the "
-            "lens images, or more rays"
+            f"{len(light.points)} of {light.emitted} rays from the field {field_text(point, z)} pass the lens; rims "
+            "and stops clip the others, so give a smaller field, or more rays"
         )
     total = light.weight.sum()
     heights = light.points - light.weight @ light.points / total
