@@ -63,6 +63,16 @@ def test_a_plane_is_found_where_it_is(white):
     np.testing.assert_allclose((depth_map.virtual_depth * depth_map.disparity)[where], 21.7)
 
 
+def test_spherical_aberration_beyond_the_step_of_the_sweep_does_not_bias_depth():
+    """A triplet's is 9 % of the disparity, and the sweep's planes are 6 % apart: refinement within these errs by 2 %."""
+    lens, sensor, kind = pl.load_lens("cooke-triplet-50mm-f5"), pl.Sensor((400, 400), 0.0055), pl.CameraKind.GALILEAN
+    camera = pl.design_camera(lens, sensor=sensor, kind=kind, z=-500.0, pitch=0.127, virtual_depth=4.0).camera
+    region = np.s_[145:255, 145:255]
+    shot, white = shown(camera, scenes.plane(camera, 4.0, 40), region=region), white_of(camera, region)
+    scores = scores_of(camera, shot, depth(shot, white))
+    assert scores.kept == 1 and abs(scores.bias) < 0.005
+
+
 def test_both_sides_of_an_edge_lie_in_order(edge, depth_map):
     """All of these few microlenses see the edge, and windows reach across: a tenth of the step between the planes."""
     truth, where = edge.truth, scenes.near_centres(CAMERA, edge)

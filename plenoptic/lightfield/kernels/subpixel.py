@@ -55,6 +55,23 @@ def _image_displacement(stack, m, j, pixel, d):
 
 
 @device
+def _model_disparity(stack, m, pixel, d):
+    """Disparity of the pinhole model of a pixel whose images lie where those of disparity d do without displacement."""
+    along, length, n_compared = 0.0, 0.0, 0
+    for j in range(stack.first[m], stack.first[m + 1]):
+        down, right = stack.step[j, 0], stack.step[j, 1]
+        squares = down * down + right * right
+        if d * d * squares > stack.max_shift * stack.max_shift or n_compared == stack.max_compared:
+            continue
+        n_compared += 1
+        more_down, more_right, _, _ = _image_displacement(stack, m, j, pixel, d)
+        if not math.isnan(more_down):
+            along += more_down * down + more_right * right
+            length += squares
+    return d + along / length if length > 0.0 else d
+
+
+@device
 def _between(displacement, r, c, down, right, i, k):
     """A coefficient between pixels, linear in rows and columns; that of the nearest pixel where others have none."""
     rows, columns = displacement.shape[:2]
@@ -160,7 +177,10 @@ def _window(stack, start, slopes, m, j, pixel, d):
 def _refine(stack, start, slopes, m, y, x):
     """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
     error, agreement, slope_sums = math.inf, 0.0, slopes[2]
-    d, reach = start[y, x], _reach(stack, start[y, x])
+    swept, reach = start[y, x], _reach(stack, start[y, x])
+    if stack.residual_displacement is not None:
+        swept = _model_disparity(stack, m, (y, x), swept)
+    d = swept
     for _ in range(_STEPS):
         gradient_sum, stiffness, residual_sum, weight_sum, slope_variance, scatter = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(slope_sums.size):
@@ -197,9 +217,9 @@ def _refine(stack, start, slopes, m, y, x):
         for i in range(slope_sums.size):
             slope_variance += slope_sums[i] * slope_sums[i]
         error = math.sqrt(0.5 * variance * slope_variance + excess) / stiffness
-        d = min(max(d + gradient_sum / stiffness, start[y, x] - reach), start[y, x] + reach)
+        d = min(max(d + gradient_sum / stiffness, swept - reach), swept + reach)
     # A disparity at the end of the search range is no solution.
-    if abs(d - start[y, x]) >= reach:
+    if abs(d - swept) >= reach:
         error = max(error, reach)
     return d, error, agreement
 
