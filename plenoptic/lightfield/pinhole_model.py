@@ -25,8 +25,11 @@ from plenoptic.optics.microlens.array import MicrolensArray
 
 _TRIALS = 24
 """Virtual depths at which an object plane in front of the lens is searched."""
-_ITERATIONS = 2
-"""Fixed-point iterations for a point's image behind a neighbouring microlens; each leaves a twentieth of the error."""
+_ITERATIONS = 6
+"""Fixed-point iterations for a point's image behind a neighbouring microlens.
+
+Each leaves a twentieth of the error, but a third of it where aberrations change disparity by 30 %.
+"""
 _BLOCK = 1 << 9
 """Pixels whose rays are traced together."""
 
@@ -170,7 +173,6 @@ def chord_disparity(
         neighbour = lenses_at(model.array, index + step).axis
         baseline = orthogonal_pixels(model.axes, neighbour) - projected
         expected, neighbour_offset = pixel - offset + (1.0 - per_pitch)[:, None] * baseline, offset
-        # Aberrations hardly change over the displacement that they cause.
         for _ in range(_ITERATIONS):
             neighbour_offset = _chief_ray_displacement(model, expected + neighbour_offset, neighbour, per_pitch)
         along += ((neighbour_offset - offset) * baseline).sum(axis=1)

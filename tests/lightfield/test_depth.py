@@ -64,7 +64,7 @@ def test_a_plane_is_found_where_it_is(white):
 
 
 def test_spherical_aberration_beyond_the_step_of_the_sweep_does_not_bias_depth():
-    """A triplet's is 9 % of the disparity, and the sweep's planes are 6 % apart: refinement within these errs by 2 %."""
+    """A triplet's is 9 % of the disparity, and the sweep's planes are 6 % apart: refinement within errs by 2 %."""
     lens, sensor, kind = pl.load_lens("cooke-triplet-50mm-f5"), pl.Sensor((400, 400), 0.0055), pl.CameraKind.GALILEAN
     camera = pl.design_camera(lens, sensor=sensor, kind=kind, z=-500.0, pitch=0.127, virtual_depth=4.0).camera
     region = np.s_[145:255, 145:255]

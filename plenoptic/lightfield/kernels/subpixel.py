@@ -10,7 +10,7 @@ import math
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row, spline_noise, spline_weights
 
-_STEPS = 3
+_STEPS, _ITERATIONS = 3, 3
 _MIN_VALID = 0.25
 """Minimum fraction of valid pixels in a window."""
 _MIN_CORRELATION = 0.3
@@ -40,18 +40,22 @@ def _image_displacement(stack, m, j, pixel, d):
     """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d."""
     (y, x), other, per_pitch = pixel, stack.other[j], d / stack.pitch
     row, column = y + stack.base[j, 0] - d * stack.step[j, 0], x + stack.base[j, 1] - d * stack.step[j, 1]
-    r, c = math.floor(row + 0.5), math.floor(column + 0.5)
-    if not (0 <= r < stack.values.shape[1] and 0 <= c < stack.values.shape[2]):
-        return math.nan, math.nan, math.nan, math.nan
     central, values = stack.residual_displacement[m, y, x], stack.residual_displacement[other]
-    down, right = _between(values, r, c, row - r, column - c, 1, 0), _between(values, r, c, row - r, column - c, 1, 1)
-    down, right = down - central[1, 0], right - central[1, 1]
-    return (
-        _between(values, r, c, row - r, column - c, 0, 0) - central[0, 0] + per_pitch * down,
-        _between(values, r, c, row - r, column - c, 0, 1) - central[0, 1] + per_pitch * right,
-        down / stack.pitch,
-        right / stack.pitch,
-    )
+    more_down, more_right, by_down, by_right = 0.0, 0.0, 0.0, 0.0
+    # The displacement is that at the displaced position.
+    for _ in range(_ITERATIONS):
+        down, right = row + more_down, column + more_right
+        r, c = math.floor(down + 0.5), math.floor(right + 0.5)
+        if not (0 <= r < stack.values.shape[1] and 0 <= c < stack.values.shape[2]):
+            return math.nan, math.nan, math.nan, math.nan
+        down, right = down - r, right - c
+        by_down = _between(values, r, c, down, right, 1, 0) - central[1, 0]
+        by_right = _between(values, r, c, down, right, 1, 1) - central[1, 1]
+        more_down = _between(values, r, c, down, right, 0, 0) - central[0, 0] + per_pitch * by_down
+        more_right = _between(values, r, c, down, right, 0, 1) - central[0, 1] + per_pitch * by_right
+        if math.isnan(more_down):
+            break
+    return more_down, more_right, by_down / stack.pitch, by_right / stack.pitch
 
 
 @device
