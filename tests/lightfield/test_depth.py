@@ -9,12 +9,15 @@ import pytest
 from hypothesis import given, strategies
 
 import plenoptic as pl
+from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.gaussian import object_plane
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield import depth, disparity_edges, disparity_scores
 from plenoptic.lightfield.kernels.cubic import spline_noise, spline_weights
 from plenoptic.lightfield.matching.image_stack import spline_coefficients
+from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_plane_pair
 from plenoptic.lightfield.reading import light_field
+from plenoptic.optics.microlens.lattice import neighbour_steps
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -71,6 +74,16 @@ def test_spherical_aberration_beyond_the_step_of_the_sweep_does_not_bias_depth()
     shot, white = shown(camera, scenes.plane(camera, 4.0, 40), region=region), white_of(camera, region)
     scores = scores_of(camera, shot, depth(shot, white))
     assert scores.kept == 1 and abs(scores.bias) < 0.005
+    # The true disparity of the model becomes the true chord.
+    centres = pl.microlens_centres(camera, pl.CentreMethod.CHIEF_RAY)
+    nearest = np.argmin(np.hypot(*(centres.pixel - 199.5).T))
+    row, column = np.rint(centres.pixel[nearest]).astype(int)
+    model = PinholeModel(array_axes(camera), camera.microlenses, object_plane_pair(camera, (2.0, 12.0)), 1)
+    near = np.array([[row, column - 3], [row, column], [row + 3, column]])
+    index, steps = np.repeat(centres.index[[nearest]], 3, axis=0), neighbour_steps(pl.Lattice.HEXAGONAL)
+    chord = chord_disparity(model, near.astype(float), index, steps, np.full(3, 1 / 4.0))
+    truth = shot.truth.chord_disparity[tuple((near - 145).T)]
+    np.testing.assert_allclose(chord * 0.127 / 0.0055, truth, rtol=2e-4)  # 8e-3 after two iterations
 
 
 def test_both_sides_of_an_edge_lie_in_order(edge, depth_map):
