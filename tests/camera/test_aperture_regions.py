@@ -5,12 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from camera_helpers import CAMERA, bare_camera, camera_with, in_blocks, out_of_blocks
+from camera_helpers import CAMERA, bare_camera, camera_with, in_blocks, out_of_blocks, the_lens
 
 import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
+from plenoptic.camera.sampling.kernels.camera_samples import aim_sample
+from plenoptic.camera.sampling.kernels.region_polygons import ROUND_SCALE
 from plenoptic.camera.sampling.region_bounds import openings
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+from plenoptic.core.numba.jit import kernel
 from plenoptic.optics.microlens.kernels.plano_convex import fill_plano_convex
 from plenoptic.optics.microlens.microlens_record import SensorPlane, array_record
 from plenoptic.optics.stops.stop_registry import STOPS
@@ -199,10 +203,54 @@ def test_bounds_hold_the_holes_of_all_stops_and_touch_them():
         assert np.all(reach <= bounds.edges[:, 2] * (1 + 1e-12)) and np.all(bounds.edges[:, 2] <= reach + 6e-5), stop
 
 
+def aimed(regions, random):
+    """Points of the array (n, 2) that paths from the centre of the first pixel are aimed at."""
+    blocks = np.empty(-(-len(random) // BLOCK) * RAY)
+    fill_aims(blocks, regions, random)
+    fields = blocks.reshape(-1, RAY // BLOCK, BLOCK)
+    return np.stack([fields[:, 0].ravel(), fields[:, 1].ravel()], axis=-1)[: len(random)]
+
+
+@kernel
+def fill_aims(blocks, regions, random):
+    for k in range(random.shape[0]):
+        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
+        region = regions.first[0], regions.first[1]
+        aim_sample(ray, k % BLOCK, regions, region, ((0.0, 0.0), (0.0, 0.0)), (random[k, 0], random[k, 1]))
+
+
 def under_a_sky(camera, first, last, samples=64):
     """Path statistics under a uniform sky; white images do not trace the unvignetted core."""
     options = {"samples": samples, "region": np.s_[first:last, first:last], "truth": pl.Truth.NONE, "progress": False}
     return pl.render(pl.Scene(background=1.0), camera, **options).stats
+
+
+def test_no_path_through_a_round_opening_is_lost_and_they_fill_it_evenly():
+    thin = bare_camera(the_lens(model=pl.LensModel.THIN))
+    small = camera_with(lens=the_lens(0.1, pl.LensModel.THIN))
+    for camera, pixel in ((thin, (-0.405, 1.105)), (small, (0.005, -0.005))):
+        tables = camera_record(camera)
+        regions = regions_of(tables, np.array([pixel]))
+        (piece,) = regions.pieces[: regions.first[1]]
+        assert piece["is_round"] == 1 and piece["planes"] == 0
+        # The polygon has the area of the ellipse, and its corners lie on a larger one around the same centre.
+        corners = regions.corners[:, piece["first_corner"] :][:, : piece["corners"]]
+        x, y = corners
+        assert 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) == pytest.approx(piece["area"], rel=1e-12)
+        rng, n = np.random.default_rng(29), 40000
+        points = aimed(regions, rng.random((n, 2)))
+        offsets = points - corners.mean(axis=1) - [piece["cell_x"], piece["cell_y"]]
+        shape = np.stack([corners[:, 0] - corners[:, 12], corners[:, 6] - corners[:, 18]], axis=1)
+        unit = np.linalg.solve(shape, offsets.T)
+        radius2 = (unit**2).sum(axis=0) / (0.25 / ROUND_SCALE**2)
+        assert radius2.max() <= 1 + 1e-12
+        # Uniform by area: moments of the unit disc, 5 standard errors.
+        assert radius2.mean() == pytest.approx(0.5, abs=5 / math.sqrt(12 * n))
+        angle = np.arctan2(unit[1], unit[0])
+        for k in (1, 2, 3):
+            assert abs(np.exp(1j * k * angle).mean()) < 5 / math.sqrt(n), k
+    stats = under_a_sky(thin, 240, 272)
+    assert stats.paths_through_lens == stats.paths
 
 
 def test_nearly_all_paths_pass():
