@@ -16,7 +16,8 @@ from plenoptic.optics.lens.checks.finding import FindingKind
 from plenoptic.optics.lens.files.zemax import lens_from_zmx
 from plenoptic.optics.lens.files.zemax_writing import zmx_of_lens
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
-from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.kernels.zernike import zernike_at
+from plenoptic.optics.lens.lens_record import FIRST_NUMBER, lens_record
 from plenoptic.optics.lens.pupil.exit_pupil import pupil_bounds
 from plenoptic.optics.lens.pupil.outline import PupilRays, up_to_stops
 from plenoptic.optics.lens.trace import trace_part
@@ -82,6 +83,19 @@ def test_terms_are_nolls():
         assert sag.offset == pytest.approx(float(zernike(j, 0.0, 0.0)), abs=64 * EPS), j
         of_wavefronts = pl.aberrations.zernike(j, r / 2.0 * np.cos(phi), r / 2.0 * np.sin(phi))
         assert of_wavefronts == pytest.approx(zernike(j, r / 2.0, phi), abs=4e5 * EPS), j
+
+
+def test_the_polynomial_of_kernels_is_the_sum_of_terms():
+    x, y = 3.0 * np.sqrt(RNG.uniform(size=500)) * np.array([np.cos(turn := RNG.uniform(0, 7, 500)), np.sin(turn)])
+    some = [RNG.normal(size=n) for n in (1, 4, 15, 28, 91)]
+    for terms in [*([0.0] * (j - 1) + [1.0] for j in range(1, 92)), *some, []]:
+        term = ZernikeSag(terms, 2.5)
+        row = np.array([0.0] * (FIRST_NUMBER - 1) + list(term.numbers()))
+        sag, *gradient = zernike_at.py_func(x, y, row)
+        bounds, degree = term.bounds(3.0), row[FIRST_NUMBER]
+        # Both sums are rounded; the derivative of a power multiplies its rounding by the power.
+        assert np.all(np.abs(sag - term.sag(x, y)) <= 2 * bounds.rounding), len(terms)
+        assert np.abs(gradient - term.gradient(x, y)).max() <= 2 * degree * bounds.rounding / 2.5, len(terms)
 
 
 def test_derivatives_and_bounds():

@@ -1,4 +1,4 @@
-"""Kernels: refraction at one conic or one even asphere; spherical lenses do not need them."""
+"""Kernels: refraction at one conic, or one even asphere with or without a freeform term."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from plenoptic.core.kernels.ray_blocks import (
 )
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.conditioning_probes import NEWTON, STEPS
-from plenoptic.optics.lens.kernels.freeform_term import freeform_second_bound, freeform_term_at
+from plenoptic.optics.lens.kernels.freeform_term import fill_freeform_term, freeform_second_bound, freeform_term_at
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING, SHARPEST, STEEPEST, TALLEST
 
 NEWTON_STEPS = 12
@@ -36,6 +36,9 @@ EPS = 2.220446049250313e-16
 TINY = 1e-300
 AT_VERTEX = 1e-20
 """Largest distance of a point from the surface at its vertex, over the largest sag."""
+
+TERM, TERM_DX, TERM_DY, HEIGHT_ROWS = 5, 6, 7, 10
+"""Rows of `heights` at a freeform surface: sag and derivatives of its term, before two buffers; others have 5 rows."""
 
 
 @device
@@ -228,7 +231,7 @@ def _climb(bounds, ray, conic, aspheric, freeform, semi_diameter2, s, steps):
 
 
 @device
-def to_conic_of_asphere(ray, heights, conic):
+def _to_conic_of_asphere(ray, heights, conic):
     """Move rays to the asphere's base conic, or to their closest approach if they miss it; store the closest
     approach."""
     c, kz = conic
@@ -251,9 +254,11 @@ def to_conic_of_asphere(ray, heights, conic):
 
 
 @device
-def _fill_heights(heights, ray, conic, aspheric):
-    """Fill `height` for all rays of a block: sag and its derivative by r^2. The loop over terms is outermost, for
-    SIMD."""
+def _fill_heights(heights, ray, conic, aspheric, freeform):
+    """Fill `height` for all rays of a block: sag and its derivative by r^2; and the freeform term, if there is one.
+
+    The loop over terms is outermost, for SIMD.
+    """
     c, kz = conic
     for i in range(BLOCK):
         heights[0, i] = 0.0
@@ -272,23 +277,31 @@ def _fill_heights(heights, ray, conic, aspheric):
         terms = heights[0, i]
         heights[0, i] = r2 * (conic_factor * w + terms)
         heights[1, i] = 0.5 * conic_factor * (1.0 + w) + (heights[1, i] * r2 + terms)
+    if freeform is not None:
+        fill_freeform_term(heights[TERM:], ray, freeform)
 
 
 @device
-def _newton(ray, heights, conic, aspheric, semi_diameter2, probes):
+def _newton(ray, heights, shape, freeform, semi_diameter2, probes):
     """Newton's method for all rays of a block together, until the next step is below the rounding error.
 
     `probes`, if given, counts the steps of each ray up to its own convergence.
     """
+    conic, aspheric = shape
     sharpest = aspheric[SHARPEST]
+    if freeform is not None:
+        sharpest += freeform[SHARPEST]
     for _ in range(NEWTON_STEPS):
-        _fill_heights(heights, ray, conic, aspheric)
+        _fill_heights(heights, ray, conic, aspheric, freeform)
         far = 0
         for i in range(BLOCK):
             x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
             l, m, n = ray[L + i], ray[M + i], ray[N + i]
-            slope = n - 2.0 * heights[1, i] * (x * l + y * m)
-            step = (heights[0, i] - z) / slope
+            sag, slope = heights[0, i], n - 2.0 * heights[1, i] * (x * l + y * m)
+            if freeform is not None:
+                sag += heights[TERM, i]
+                slope -= heights[TERM_DX, i] * l + heights[TERM_DY, i] * m
+            step = (sag - z) / slope
             # Remaining error: the step squared times half the second derivative of z - sag along the ray, over its
             # slope.
             left = 0.5 * sharpest * step * step - EPS * abs(slope) * (abs(x) + abs(y) + abs(z))
@@ -307,15 +320,19 @@ def _newton(ray, heights, conic, aspheric, semi_diameter2, probes):
 
 
 @device
-def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, code, probes):
+def _search_first_crossings(ray, heights, shape, freeform, semi_diameter2, s, code, probes):
     """Search the first intersection of each ray for which Newton's method may have found another one.
 
     The root is certain if the point lies on the surface, in the clear cylinder, and the ray can cross only once.
     """
-    _fill_heights(heights, ray, conic, aspheric)
-    steepest2 = aspheric[STEEPEST] * aspheric[STEEPEST]
+    conic, aspheric = shape
+    _fill_heights(heights, ray, conic, aspheric, freeform)
     # At the vertex all coordinates vanish, and so does a tolerance relative to them.
-    at_vertex = AT_VERTEX * aspheric[TALLEST]
+    steepest, rounding = aspheric[STEEPEST], AT_VERTEX * aspheric[TALLEST]
+    if freeform is not None:
+        steepest += freeform[STEEPEST]
+        rounding += AT_VERTEX * freeform[TALLEST] + freeform[ROUNDING]
+    steepest2 = steepest * steepest
     unsettled = 0
     for i in range(BLOCK):
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
@@ -323,7 +340,12 @@ def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, co
         sag_by_r2 = heights[1, i]
         slope = n - 2.0 * sag_by_r2 * (x * l + y * m)
         out = abs(x) + abs(y)
-        close = abs(z - heights[0, i]) <= 8.0 * EPS * (out + abs(z)) * (1.0 + 2.0 * abs(sag_by_r2) * out) + at_vertex
+        gap, steep = z - heights[0, i], 1.0 + 2.0 * abs(sag_by_r2) * out
+        if freeform is not None:
+            gap -= heights[TERM, i]
+            slope -= heights[TERM_DX, i] * l + heights[TERM_DY, i] * m
+            steep += abs(heights[TERM_DX, i]) + abs(heights[TERM_DY, i])
+        close = abs(gap) <= 8.0 * EPS * (out + abs(z)) * steep + rounding
         # An unlimited surface has no known slope bound, so the root of Newton's method is accepted.
         single_crossing = n * n > steepest2 * (l * l + m * m) or semi_diameter2 == math.inf
         settled = close and x * x + y * y <= semi_diameter2 and s * slope > 0.0 and single_crossing
@@ -338,12 +360,14 @@ def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, co
         x, y, z = heights[2, i], heights[3, i], heights[4, i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         steps = None if probes is None else probes[STEPS, i : i + 1]
-        t, lost = first_crossing((x, y, z), (l, m, n), conic, aspheric, None, semi_diameter2, s, steps)
+        t, lost = first_crossing((x, y, z), (l, m, n), conic, aspheric, freeform, semi_diameter2, s, steps)
         ray[X + i] = x + t * l
         ray[Y + i] = y + t * m
         ray[Z + i] = z + t * n
         r2 = ray[X + i] ** 2 + ray[Y + i] ** 2
         _, heights[1, i] = height(r2, conic, aspheric)
+        if freeform is not None:
+            _, heights[TERM_DX, i], heights[TERM_DY, i] = freeform_term_at(ray[X + i], ray[Y + i], freeform)
         # The exit from the cylinder is undefined where l^2 + m^2 underflows to 0.
         lost = lost if r2 <= semi_diameter2 * (1.0 + 16.0 * EPS) or lost != 0.0 else CLIPPED
         if lost != 0.0:
@@ -352,26 +376,32 @@ def _search_first_crossings(ray, heights, conic, aspheric, semi_diameter2, s, co
 
 
 @device
-def refract_asphere(ray, row, conic, aspheric, index_ratios, s, code, probes):
-    """Refract rays at one even asphere; `aspheric` as in `LensRecord`.
+def refract_asphere(ray, row, shape, freeform, index_ratios, s, code, probes):
+    """Refract rays at one even asphere; `shape` is its pair of curvature and 1 + k, and its row of
+    `LensRecord.aspheric`, `freeform` its row of `LensRecord.freeform`, None without a freeform term.
 
     `probes` (PROBE_ROWS, BLOCK), if given, counts the steps; see `conditioning_probes`. A ray steeper against the
     vertex plane than the surface is anywhere has at most one intersection, which Newton's method finds. All other rays
     are searched for their first intersection inside the semi-diameter.
     """
-    heights, shape = np.empty((5, BLOCK)), (row.curvature, 1.0 + conic)
+    heights = np.empty((TERM if freeform is None else HEIGHT_ROWS, BLOCK))
     index_ratio, semi_diameter2 = row.index_ratio, row.semi_diameter2
-    to_conic_of_asphere(ray, heights, shape)
-    _newton(ray, heights, shape, aspheric, semi_diameter2, probes)
-    _search_first_crossings(ray, heights, shape, aspheric, semi_diameter2, s, code, probes)
+    _to_conic_of_asphere(ray, heights, shape[0])
+    _newton(ray, heights, shape, freeform, semi_diameter2, probes)
+    _search_first_crossings(ray, heights, shape, freeform, semi_diameter2, s, code, probes)
     for i in range(BLOCK):
         mu = index_ratio if index_ratios is None else index_ratios[i]
         x, y = ray[X + i], ray[Y + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
         sag_by_r2 = heights[1, i]
         r2 = x * x + y * y
-        nz = 1.0 / math.sqrt(1.0 + 4.0 * sag_by_r2 * sag_by_r2 * r2)
-        nx, ny = -2.0 * sag_by_r2 * x * nz, -2.0 * sag_by_r2 * y * nz
+        if freeform is None:
+            nz = 1.0 / math.sqrt(1.0 + 4.0 * sag_by_r2 * sag_by_r2 * r2)
+            nx, ny = -2.0 * sag_by_r2 * x * nz, -2.0 * sag_by_r2 * y * nz
+        else:
+            dx, dy = 2.0 * sag_by_r2 * x + heights[TERM_DX, i], 2.0 * sag_by_r2 * y + heights[TERM_DY, i]
+            nz = 1.0 / math.sqrt(1.0 + dx * dx + dy * dy)
+            nx, ny = -dx * nz, -dy * nz
         cos_i = s * (nx * l + ny * m + nz * n)
         cos2 = 1.0 - mu * mu * (1.0 - cos_i * cos_i)
         cos_t = math.sqrt(max(cos2, 0.0))

@@ -1,11 +1,12 @@
-"""Freeform term of a surface's sag at one point: one function for all kinds of term."""
+"""Freeform term of a surface's sag, at one point and at the points of a block: functions for all kinds of term."""
 
 from __future__ import annotations
 
+from plenoptic.core.kernels.ray_blocks import BLOCK, X, Y
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.lens.kernels.biconic import biconic_at, biconic_second_bound
 from plenoptic.optics.lens.kernels.odd_powers import odd_powers_at
-from plenoptic.optics.lens.kernels.zernike import zernike_at
+from plenoptic.optics.lens.kernels.zernike import fill_zernike, zernike_at
 from plenoptic.optics.lens.lens_record import FREEFORM_KIND, SHARPEST
 from plenoptic.optics.surfaces.biconic import BICONIC
 from plenoptic.optics.surfaces.odd_powers import ODD_POWERS
@@ -22,6 +23,19 @@ def freeform_term_at(x, y, numbers):
     if numbers[FREEFORM_KIND] == ODD_POWERS:
         return odd_powers_at(x, y, numbers)
     return 0.0, 0.0, 0.0
+
+
+@device
+def fill_freeform_term(term, ray, numbers):
+    """Fill the first 3 rows of `term` (5, BLOCK) with `freeform_term_at` for all rays of a block."""
+    if numbers[FREEFORM_KIND] == ZERNIKE:
+        fill_zernike(term, ray, numbers)
+    elif numbers[FREEFORM_KIND] == BICONIC:
+        for i in range(BLOCK):
+            term[0, i], term[1, i], term[2, i] = biconic_at(ray[X + i], ray[Y + i], numbers)
+    elif numbers[FREEFORM_KIND] == ODD_POWERS:
+        for i in range(BLOCK):
+            term[0, i], term[1, i], term[2, i] = odd_powers_at(ray[X + i], ray[Y + i], numbers)
 
 
 @device

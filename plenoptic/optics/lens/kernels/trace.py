@@ -19,7 +19,7 @@ from plenoptic.optics.lens.kernels.conditioning_probes import (
     store_incident,
 )
 from plenoptic.optics.lens.kernels.frames import into_frame, out_of_frame
-from plenoptic.optics.lens.kernels.freeform import record_freeform, refract_freeform
+from plenoptic.optics.lens.kernels.freeform import record_freeform
 from plenoptic.optics.lens.kernels.ideal import refract_ideal, to_plane
 from plenoptic.optics.lens.kernels.mirror import reflect
 from plenoptic.optics.lens.kernels.paths import add_path, begin_path, store_start
@@ -120,11 +120,12 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
             if row.kind == CONIC:
                 refract_conic(ray, row, lens.conic[k], index_ratios, s, code)
             elif lens.aspheric is not None:
+                shape = (row.curvature, 1.0 + lens.conic[k]), lens.aspheric[k]
+                steps = None if probes is None else probes[k]
                 if row.kind == ASPHERE:
-                    steps = None if probes is None else probes[k]
-                    refract_asphere(ray, row, lens.conic[k], lens.aspheric[k], index_ratios, s, code, steps)
+                    refract_asphere(ray, row, shape, None, index_ratios, s, code, steps)
                 elif lens.freeform is not None:
-                    refract_freeform(ray, lens, k, index_ratios, s, code, probes)
+                    refract_asphere(ray, row, shape, lens.freeform[k], index_ratios, s, code, steps)
         if path is not None:
             add_path(path, ray, k)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
