@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
-from plenoptic.core.rays import RayBundle
+from plenoptic.core.kernels.ray_blocks import BLOCK
+from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds
 from plenoptic.optics.microlens.aperture import has_clear_gaps
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -29,7 +31,7 @@ LINES, PLACES = 32, 24
 """Lines across the outline of the pupil, and points on each at which transmission is tested."""
 _HALVINGS = 8
 _ROUNDING = 1e-12
-_RAYS = 1 << 18
+_RAYS = 1 << 16
 """Rays that are traced together."""
 _PIXELS = 1 << 16
 """Pixels that are summed together, within the processor's cache."""
@@ -148,6 +150,8 @@ class _Openings(NamedTuple):
     """Points of the openings of microlenses, k per microlens, with boxes around the pupil seen from them."""
 
     axes: ArrayAxes
+    lens: LensRecord
+    """In reverse."""
     centre: Floats
     """(n k, 2): the microlens's centre, local."""
     offset: Floats
@@ -155,7 +159,7 @@ class _Openings(NamedTuple):
     start: Floats
     """(n k, 3): the point in the lens's axes."""
     turn: Floats
-    """(n k,): azimuth of the microlens in the lens's axes."""
+    """(n k, 2): cosine and sine of the azimuth of the microlens in the lens's axes."""
     low: Floats
     high: Floats
     """(n k, 2): a box around the pupil on the plane `z`, in axes rotated with the microlens."""
@@ -163,14 +167,25 @@ class _Openings(NamedTuple):
 
     def through(self, rows: NDArray[np.int64], x: Floats, y: Floats) -> Floats:
         """Points (m, 3) in the lens's axes, on the plane of the boxes of points `rows` (m,)."""
-        cos, sin = np.cos(self.turn[rows]), np.sin(self.turn[rows])
+        cos, sin = self.turn[rows].T
         return np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(x), self.z)], axis=1)
 
     def light(self, rows: NDArray[np.int64], x: Floats, y: Floats) -> Floats:
         """Transmission of the lens for rays through these points: 0 or 1, or that of grey masks."""
-        camera = self.axes.camera
-        rays = RayBundle(self.start[rows], self.through(rows, x, y) - self.start[rows], camera.wavelength)
-        return camera.lens.trace_reverse(rays).weight
+        from plenoptic.camera.points.kernels.pupil_rays import fill_pupil_rays
+        from plenoptic.optics.lens.kernels.trace import fill_through_lens
+
+        blocks = np.empty((-(-len(rows) // BLOCK), 8, BLOCK))
+        fill_pupil_rays(blocks.reshape(-1), self.start, self.turn, self.z, rows, x, y)
+        fill_through_lens(blocks.reshape(-1), self.lens, None)
+        return blocks[:, 6].reshape(-1)[: len(rows)]
+
+    def light_on_grid(self, x: Floats, y: Floats) -> Floats:
+        """Transmission (n k, p, q) for rays through the grids x (n k, q) times y (n k, p), one for each point."""
+        shape = (*y.shape, x.shape[1])
+        rows = np.repeat(np.arange(len(x)), shape[1] * shape[2])
+        along, across = (np.broadcast_to(part, shape).ravel() for part in (x[:, None], y[:, :, None]))
+        return self.light(rows, along, across).reshape(shape)
 
 
 def centroids_at(axes: ArrayAxes, array: MicrolensArray, points: Floats, power: float, offsets: Floats) -> Floats:
@@ -200,12 +215,13 @@ def light_integrals(
     bounds = _bounds(axes, array, points)
     offsets = offsets @ axes.parts.array_turn.T
     chunk = max(1, _RAYS // (len(offsets) * LINES * PLACES))
-    parts = []
-    for k in range(0, len(points), chunk):
-        openings = _narrow_boxes(_sample_openings(axes, points[k : k + chunk], offsets, bounds))
-        chunk_integrands = lambda lens, hit, k=k: integrands(lens + k, hit)  # noqa: E731
-        parts.append(_integrate_light(openings, len(offsets), power, chunk_integrands, nodes))
-    return np.concatenate(parts)
+    lens = lens_record(axes.camera.lens, axes.camera.wavelength, reverse=True)
+
+    def integrals_from(k: int) -> Floats:
+        openings = _narrow_boxes(_sample_openings(axes, lens, points[k : k + chunk], offsets, bounds))
+        return _integrate_light(openings, len(offsets), power, lambda i, hit: integrands(i + k, hit), nodes)
+
+    return np.concatenate(list(run_in_order(integrals_from, range(0, len(points), chunk), threads=thread_count(None))))
 
 
 def _bounds(axes: ArrayAxes, array: MicrolensArray, points: Floats) -> PupilBounds:
@@ -225,17 +241,21 @@ def _bounds(axes: ArrayAxes, array: MicrolensArray, points: Floats) -> PupilBoun
     )
 
 
-def _sample_openings(axes: ArrayAxes, points: Floats, offsets: Floats, bounds: PupilBounds) -> _Openings:
+def _sample_openings(
+    axes: ArrayAxes, lens: LensRecord, points: Floats, offsets: Floats, bounds: PupilBounds
+) -> _Openings:
     points_per_lens = len(offsets)
     x, y, _ = axes.in_lens(points).T
     row = np.minimum((np.hypot(x, y) / bounds.step).astype(np.int64), len(bounds.corners) - 1)
+    azimuth = np.arctan2(y, x)
     centre, offset = np.repeat(points, points_per_lens, axis=0), np.tile(offsets, (len(points), 1))
     return _Openings(
         axes=axes,
+        lens=lens,
         centre=centre,
         offset=offset,
         start=axes.in_lens(centre + offset),
-        turn=np.repeat(np.arctan2(y, x), points_per_lens),
+        turn=np.repeat(np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1), points_per_lens, axis=0),
         low=np.repeat(bounds.corners[row].min(axis=1), points_per_lens, axis=0),
         high=np.repeat(bounds.corners[row].max(axis=1), points_per_lens, axis=0),
         z=bounds.z,
@@ -247,17 +267,14 @@ def _narrow_boxes(openings: _Openings) -> _Openings:
 
     Boxes for all points of a cell, and of an interval of the field, are large compared with a small pupil.
     """
-    n, across = len(openings.start), openings.high - openings.low
-    fractions = np.linspace(0.0, 1.0, PLACES)
-    grid = np.stack(np.meshgrid(fractions, fractions), axis=-1).reshape(-1, 2)
-    rows = np.repeat(np.arange(n), len(grid))
-    test_points = openings.low[rows] + across[rows] * np.tile(grid, (n, 1))
-    lit = openings.light(rows, test_points[:, 0], test_points[:, 1]).reshape(n, -1) > 0
-    first = np.where(lit[:, :, None], grid, np.inf).min(axis=1) - 1 / (PLACES - 1)
-    last = np.where(lit[:, :, None], grid, -np.inf).max(axis=1) + 1 / (PLACES - 1)
-    any_lit = np.asarray(lit.any(axis=1))[:, None]
-    low = np.where(any_lit, openings.low + across * np.where(any_lit, first, 0.0), openings.low)
-    high = np.where(any_lit, openings.low + across * np.where(any_lit, last, 1.0), openings.high)
+    across, fractions = openings.high - openings.low, np.linspace(0.0, 1.0, PLACES)
+    x, y = (openings.low[:, None] + across[:, None] * fractions[:, None]).transpose(2, 0, 1)
+    lit = openings.light_on_grid(x, y) > 0
+    is_lit = np.stack([lit.any(axis=1), lit.any(axis=2)], axis=2)  # (n, PLACES, 2): along x, and along y
+    first, last = fractions[is_lit.argmax(axis=1)], fractions[PLACES - 1 - is_lit[:, ::-1].argmax(axis=1)]
+    any_lit = np.asarray(lit.any(axis=(1, 2)))[:, None]
+    low = np.where(any_lit, openings.low + across * (first - 1 / (PLACES - 1)), openings.low)
+    high = np.where(any_lit, openings.low + across * (last + 1 / (PLACES - 1)), openings.high)
     return openings._replace(low=low, high=high)
 
 
@@ -309,11 +326,8 @@ def _lit_intervals(openings: _Openings) -> tuple[NDArray[np.int64], Floats, Floa
     # One more point at each end, in the dark: every line then begins and ends in the dark.
     x = openings.low[:, :1] + step[:, :1] * np.arange(-1, PLACES + 1)
     y = openings.low[:, 1:] + step[:, 1:] * (np.arange(LINES) + 0.5)
-    shape = (n, LINES, PLACES)
-    rows = np.broadcast_to(np.arange(n)[:, None, None], shape).ravel()
-    along, across = (np.broadcast_to(g, shape).ravel() for g in (x[:, None, 1:-1], y[:, :, None]))
     transmission = np.zeros((n, LINES, PLACES + 2))
-    transmission[:, :, 1:-1] = openings.light(rows, along, across).reshape(shape)
+    transmission[:, :, 1:-1] = openings.light_on_grid(x[:, 1:-1], y)
     rows, line, position = np.nonzero(transmission[:, :, 1:] != transmission[:, :, :-1])
     before, after = x[rows, position], x[rows, position + 1]
     level, next_level = transmission[rows, line, position], transmission[rows, line, position + 1]

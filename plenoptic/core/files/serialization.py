@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import importlib
 import json
 import math
@@ -168,12 +169,17 @@ def _public(name: Any) -> type | None:
 
 def _in_namespaces(name: str) -> Iterator[Any]:
     """Objects of this name in the public modules of this package, such as `plenoptic.lightfield`."""
+    for module in _public_modules():
+        if name in getattr(module, "__all__", ()):
+            yield getattr(module, name)
+
+
+@functools.cache
+def _public_modules() -> tuple[ModuleType, ...]:
+    """Public modules of this package; the search on the disk is slow."""
     public = set(getattr(_package(), "__all__", ()))
-    for info in pkgutil.iter_modules(_package().__path__):
-        if info.name in public:
-            module = importlib.import_module(f"plenoptic.{info.name}")
-            if name in getattr(module, "__all__", ()):
-                yield getattr(module, name)
+    names = [info.name for info in pkgutil.iter_modules(_package().__path__) if info.name in public]
+    return tuple(importlib.import_module(f"plenoptic.{name}") for name in names)
 
 
 def _check_public(kind: type) -> None:
