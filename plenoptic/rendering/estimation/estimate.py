@@ -36,13 +36,13 @@ from plenoptic.truth.truth_arrays import available_truth
 if TYPE_CHECKING:
     from plenoptic.scene.scene import Scene
 
-_SIDE = 16
-"""Side of squares of pixels with given samples."""
-_ALONG = 12
+_SIDE = 8
+"""Side of squares of pixels with given samples: small ones are from more parts of the frame."""
+_ALONG = 24
 """Maximum number of squares along the side of a pilot's tile: larger tiles cost less per pixel."""
-_RUNS = 4
-"""Pilot runs of the same kind, whose variance gives the uncertainty."""
-_PATHS, _FEWEST, _MOST, _MOST_TILES = 1 << 18, 1 << 12, 1 << 15, 64
+_FEWEST_RUNS, _MOST_RUNS = 2, 8
+"""Range of the number of pilot runs of the same kind, whose variance gives the uncertainty: more if they differ."""
+_PATHS, _FEWEST, _MOST, _MOST_TILES = 1 << 17, 1 << 11, 1 << 15, 64
 """Paths of a pilot run, its minimum and maximum pixels (illuminated pupils take time, too), and its maximum tiles."""
 _MOST_SAMPLES = 256
 """Maximum samples of pilot runs; the cost of more is extrapolated."""
@@ -220,13 +220,13 @@ class _Pilots:
         cells, shared = cells_per_pixel(context.camera), context.camera.diffraction_kernel is not None
         self.side, self.tiles = cut_into_tiles(frame, budget, None, cells, shared=shared)
 
-    def run(self, samples: int, seed: int) -> PilotRun:
+    def run(self, samples: int, seed: int, paths: int = _PATHS) -> PilotRun:
         """Pilot run with a number of samples, in tiles as large as the render's, and no more pixels than the frame."""
         side = self._fitting(_SIDE if self.side >= _SIDE else self.side)
         max_squares = math.isqrt(self.pixels // (2 * self.threads * side**2))
         squares = max(min(self.side // _SIDE, _ALONG, max_squares), 1) ** 2
-        pixels = min(max(_PATHS // samples, _FEWEST), _MOST)
-        n = max(min(-(-pixels // (squares * side * side)), _MOST_TILES), 2 * self.threads)
+        pixels = min(max(paths // samples, _FEWEST), _MOST)
+        n = max(min(-(-pixels // (squares * side * side)), _MOST_TILES), self.threads)
         budget = Budget(samples, None, None, min(self.budget.replicates, samples))
         return self._run(budget, pilot_tiles(self.frame, n, squares, side, seed))
 
@@ -269,11 +269,14 @@ def _by_samples(pilots: _Pilots) -> _Costs:
     """Costs for a given number of samples."""
     samples = pilots.budget.max_samples
     few = min(samples, _MOST_SAMPLES)
-    pilots.run(min(few, 4), 0)  # compilation and caches
-    runs = [pilots.run(few, seed) for seed in range(_RUNS)]
+    pilots.run(min(few, 4), 0, paths=0)  # compilation and caches
+    runs = [pilots.run(few, seed) for seed in range(_FEWEST_RUNS)]
     each = [run.cpu_seconds / run.pixels for run in runs]
+    while len(runs) < _MOST_RUNS and _scatter(each) > _UNKNOWN * statistics.mean(each):
+        runs.append(pilots.run(few, len(runs)))
+        each.append(runs[-1].cpu_seconds / runs[-1].pixels)
     if samples > few:
-        quarter_runs = [pilots.run(few // 4, seed) for seed in range(_RUNS)]
+        quarter_runs = [pilots.run(few // 4, seed) for seed in range(len(runs))]
         slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
     final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
@@ -283,8 +286,8 @@ def _by_samples(pilots: _Pilots) -> _Costs:
 def _by_error(pilots: _Pilots) -> _Costs:
     """Costs for a target error."""
     few = min(pilots.budget.enough, _MOST_SAMPLES)
-    pilots.run(4, 0)
-    pairs = [(pilots.run(few // 4, seed), pilots.run(few, seed)) for seed in (0, 1)]
+    pilots.run(4, 0, paths=0)
+    pairs = [(pilots.run(few // 4, seed, 2 * _PATHS), pilots.run(few, seed, 2 * _PATHS)) for seed in (0, 1)]
     costs = [(a.cpu_seconds / a.pixels, b.cpu_seconds / b.pixels) for a, b in pairs]
     per_sample = max(statistics.mean(b - a for a, b in costs) / (few - few // 4), 0.25 * costs[0][1] / few)
     once = max(statistics.mean(b for _, b in costs) - per_sample * few, 0.0)
@@ -310,10 +313,15 @@ def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
     return runs
 
 
+def _scatter(numbers: list[float]) -> float:
+    """Twice the standard error of the mean of numbers."""
+    return 2 * statistics.stdev(numbers) / math.sqrt(len(numbers))
+
+
 def _interval(numbers: list[float]) -> Estimated:
     """Mean and interval of numbers."""
     mean = statistics.mean(numbers)
-    off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean
+    off = _scatter(numbers) + 2 * _UNKNOWN * mean
     return Estimated(mean, max(mean - off, 0.0), mean + off)
 
 
