@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil
-from plenoptic.camera.points.centroids import lit_centroids, white_centroids
+from plenoptic.camera.points.centroids import lit_centroids
+from plenoptic.camera.points.white_centroids import white_centroids
 from plenoptic.camera.points.white_fit import lattice_shift, to_complex
 from plenoptic.core.display import picture_of
 from plenoptic.core.progress.bar import CallProgress

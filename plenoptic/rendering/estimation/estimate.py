@@ -267,12 +267,11 @@ class _Pilots:
 
 def _by_samples(pilots: _Pilots) -> _Costs:
     """Costs for a given number of samples."""
-    samples = pilots.budget.max_samples
-    few = min(samples, _MOST_SAMPLES)
+    few = min(samples := pilots.budget.max_samples, _MOST_SAMPLES)
     pilots.run(min(few, 4), 0, paths=0)  # compilation and caches
     runs = [pilots.run(few, seed) for seed in range(_FEWEST_RUNS)]
     each = [run.cpu_seconds / run.pixels for run in runs]
-    while len(runs) < _MOST_RUNS and _scatter(each) > _UNKNOWN * statistics.mean(each):
+    while len(runs) < _MOST_RUNS and (cost := _interval(each)).high > (1 + 3 * _UNKNOWN) * cost.value:
         runs.append(pilots.run(few, len(runs)))
         each.append(runs[-1].cpu_seconds / runs[-1].pixels)
     if samples > few:
@@ -313,15 +312,10 @@ def _deciding(pilots: _Pilots, samples: int) -> list[PilotRun]:
     return runs
 
 
-def _scatter(numbers: list[float]) -> float:
-    """Twice the standard error of the mean of numbers."""
-    return 2 * statistics.stdev(numbers) / math.sqrt(len(numbers))
-
-
 def _interval(numbers: list[float]) -> Estimated:
     """Mean and interval of numbers."""
     mean = statistics.mean(numbers)
-    off = _scatter(numbers) + 2 * _UNKNOWN * mean
+    off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean
     return Estimated(mean, max(mean - off, 0.0), mean + off)
 
 

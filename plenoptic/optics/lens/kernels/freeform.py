@@ -6,8 +6,8 @@ import math
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, STATUS, X, Y, Z
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.lens.kernels.aspheric_refraction import EPS, height
 from plenoptic.optics.lens.kernels.conditioning_probes import ROUNDED_LENGTH, record_refraction, rounded_length
+from plenoptic.optics.lens.kernels.first_crossing import EPS, height
 from plenoptic.optics.lens.kernels.freeform_term import freeform_term_at
 from plenoptic.optics.lens.lens_record import FIRST_TERM, ROUNDING
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from plenoptic.core.kernels.ray_blocks import BLOCK, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.element_record import ASPHERE, FREEFORM
-from plenoptic.optics.lens.kernels.aspheric_refraction import height
+from plenoptic.optics.lens.kernels.first_crossing import height
 from plenoptic.optics.lens.kernels.freeform import freeform_at
 
 
