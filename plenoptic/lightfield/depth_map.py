@@ -13,6 +13,7 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.displacement_table import DisplacementTable, chord_nodes, chord_of_values, displacement_tables
 from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
@@ -170,10 +171,14 @@ def depth(  # noqa: PLR0913
     with CallProgress("matching", kind="camera", show=progress):
         array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
         model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
-        return _depth_of_raw_image(model, raw, micro_images(model, raw, virtual_depths, radius), matcher)
+        tables = displacement_tables(camera, virtual_depths, workers)
+        micro = micro_images(model, tables.image, raw, virtual_depths, radius)
+        return _depth_of_raw_image(model, tables.chord, raw, micro, matcher)
 
 
-def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages, matcher: Matcher) -> DepthMap:
+def _depth_of_raw_image(
+    model: PinholeModel, table: DisplacementTable | None, raw: RawArrays, micro: MicroImages, matcher: Matcher
+) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     matches = match_stack(micro.stack, matcher, model.threads)
     disparity, error, confidence = consensus(matches, micro, raw.shot.shape)
@@ -182,7 +187,13 @@ def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages,
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
     depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
-    disparity[lit] = pitch * chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
+    if table is None:
+        chord = chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
+    else:
+        first_type, nodes = np.zeros_like(micro.type), chord_nodes(micro.stack.disparities[[0, -1]] / pitch)
+        values = table.values(micro.on_array, first_type, micro.first_offset, micro.stack.mask.shape[1], model.threads)
+        chord = chord_of_values(values[tuple(index[measured] for index in micro.lit)], nodes, per_pitch)
+    disparity[lit] = pitch * chord
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)
 

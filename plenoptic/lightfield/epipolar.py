@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.matching.image_stack import ImageStack, Matches, noise_variance, spline_coefficients
+from plenoptic.lightfield.matching.image_stack import (
+    MIN_MARGIN,
+    ImageStack,
+    Matches,
+    noise_variance,
+    spline_coefficients,
+    with_margin,
+)
 from plenoptic.lightfield.matching.match import Matcher, match_stack
 from plenoptic.lightfield.pinhole_model import depths_on_rays, lens_front_z
 from plenoptic.lightfield.view_model import Moebius, ViewModel
@@ -64,7 +71,9 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
     )
     if field.camera is not None:
         stack = _with_displacement(stack, field.model, indices)
-    matches = Matches(*(plane[0] for plane in match_stack(stack, matcher, 1)))
+    margin = max(MIN_MARGIN, radius)
+    inner = np.s_[0, margin:-margin, margin:-margin]
+    matches = Matches(*(plane[inner] for plane in match_stack(with_margin(stack, margin), matcher, 1)))
     valid = np.isfinite(matches.standard_error) & np.isfinite(matches.disparity)
     return Matches(*(np.where(valid, plane, np.nan) for plane in matches))
 

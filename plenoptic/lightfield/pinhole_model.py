@@ -167,14 +167,14 @@ def chord_disparity(
     """
     centre = lenses_at(model.array, index).axis
     projected = orthogonal_pixels(model.axes, centre)
-    offset = _chief_ray_displacement(model, pixel, centre, per_pitch)
+    offset = _displacement_at(model, pixel, centre, per_pitch)
     along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
     for step in steps:
         neighbour = lenses_at(model.array, index + step).axis
         baseline = orthogonal_pixels(model.axes, neighbour) - projected
         expected, neighbour_offset = pixel - offset + (1.0 - per_pitch)[:, None] * baseline, offset
         for _ in range(_ITERATIONS):
-            neighbour_offset = _chief_ray_displacement(model, expected + neighbour_offset, neighbour, per_pitch)
+            neighbour_offset = _displacement_at(model, expected + neighbour_offset, neighbour, per_pitch)
         along += ((neighbour_offset - offset) * baseline).sum(axis=1)
         length += (baseline**2).sum(axis=1)
     return per_pitch - along / length
@@ -201,13 +201,21 @@ def depths_on_rays(
     return -z
 
 
-def _chief_ray_displacement(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
-    """Displacement (n, 2) of pixels from the pinhole image of the points that their chief rays hit."""
+def chief_ray_displacement(model: PinholeModel, pixel: Floats, on_array: Floats) -> tuple[Floats, Floats]:
+    """Displacement of pixels (n, 2) from the pinhole image of the points that their chief rays hit.
+
+    Coefficients (n, 2) of 1 and of disparity / pitch.
+    """
     axes, array, planes, threads = model
     rays = chief_rays(axes, array, pixel, on_array, threads)
-    intercept, slope = linear_in_disparity(
-        planes, np.stack([pixel - _pinhole_pixels(axes, p, plane_intersections(rays, p.z), on_array) for p in planes])
-    )
+    points = (plane_intersections(rays, plane.z) for plane in planes)
+    offsets = [pixel - _pinhole_pixels(axes, p, at, on_array) for p, at in zip(planes, points, strict=True)]
+    return linear_in_disparity(planes, np.stack(offsets))
+
+
+def _displacement_at(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
+    """Displacement (n, 2) of chief rays at model disparities (n,)."""
+    intercept, slope = chief_ray_displacement(model, pixel, on_array)
     return intercept + per_pitch[:, None] * slope
 
 

@@ -3,179 +3,221 @@
 Images are micro images or sub-aperture views; a point at p in one is seen at p + base - disparity step in another.
 Planes of constant disparity are compared first, by normalised correlation in a window, averaged over the better half of
 the other images. `semi_global` makes neighbouring pixels agree, and `subpixel` refines the disparity between planes.
+
+For the sake of wide vectors, each loop runs over all pixels of an image, row after row, and writes to one array. The
+margin of the masks keeps the rows apart.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row
+from plenoptic.lightfield.kernels.cubic import cubic_weights
 from plenoptic.lightfield.kernels.subpixel import blur_levels
 
-_UNKNOWN = -2.0
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_UNKNOWN = np.float32(-2.0)
 """Marks a correlation that cannot be computed."""
-_WORST_COST = 2.0
+_WORST_COST = np.float32(2.0)
 """Cost of pixels outside the mask."""
 
 
 @device
-def _fill_shift(shifted, shifted_mask, values, mask, down, right, shape):
-    """Shift an image by `down` and `right` with cubic convolution; mask pixels whose four nearest are not all valid."""
-    rows, columns = shape
+def _weighted_sum(out, values, start, spacing, weights):
+    """Weighted sum of four values at a spacing; out[i] lies between start + i and the next one."""
+    a, b, c, d = np.float32(weights[0]), np.float32(weights[1]), np.float32(weights[2]), np.float32(weights[3])
+    first, second = values[start - spacing :], values[start:]
+    third, fourth = values[start + spacing :], values[start + 2 * spacing :]
+    for i in range(out.size):
+        out[i] = a * first[i] + b * second[i] + c * third[i] + d * fourth[i]
+
+
+@device
+def _fill_shifted_mask(out, mask, start, left, columns):
+    """1 where the four pixels nearest to a shifted one are valid, else 0."""
+    a, b, c, d = mask[start:], mask[start + 1 :], mask[start + columns :], mask[start + columns + 1 :]
+    for i in range(out.size):
+        out[i] = np.float32(a[i] & b[i] & c[i] & d[i])
+    for row in range(0, out.size, columns):
+        outside = out[row + columns - left : row + columns] if left > 0 else out[row : row - left]
+        for x in range(outside.size):
+            outside[x] = _ZERO
+
+
+@device
+def _fill_product(out, a, b):
+    for i in range(a.size):
+        out[i] = a[i] * b[i]
+
+
+@device
+def _fill_neighbour_sums(out, values, start, spacing, radius):
+    """Sum of 2 radius + 1 values at a spacing, centred at start + i."""
+    middle, before, after = values[start:], values[start - spacing :], values[start + spacing :]
+    for i in range(out.size):
+        out[i] = middle[i] + before[i] + after[i]
+    for j in range(2, radius + 1):
+        before, after = values[start - j * spacing :], values[start + j * spacing :]
+        for i in range(out.size):
+            out[i] += before[i] + after[i]
+
+
+@device
+def _fill_neighbour_minima(out, values, start, spacing, radius):
+    """Lowest of 2 radius + 1 values at a spacing, centred at start + i."""
+    out[:] = values[start : start + out.size]
+    for j in range(1, radius + 1):
+        before, after = values[start - j * spacing :], values[start + j * spacing :]
+        for i in range(out.size):
+            lower = before[i] if before[i] < after[i] else after[i]
+            out[i] = lower if lower < out[i] else out[i]
+
+
+@device
+def _fill_scores(score, mask, sums, noise, min_count):
+    """Normalised correlation from sums over windows; variances include noise."""
+    counts, firsts, others, first_squares, other_squares, products = sums
+    first_noise, other_noise = np.float32(noise[0]), np.float32(noise[1])
+    for i in range(score.size):
+        n = counts[i]
+        scale = _ONE / (n if n > _ONE else _ONE)
+        a, b = scale * firsts[i], scale * others[i]
+        aa, bb = scale * first_squares[i] - a * a, scale * other_squares[i] - b * b
+        aa, bb = (aa if aa > _ZERO else _ZERO) + first_noise, (bb if bb > _ZERO else _ZERO) + other_noise
+        correlation = (scale * products[i] - a * b) / (math.sqrt(aa) * math.sqrt(bb))
+        score[i] = correlation if (n >= min_count) & (mask[i] > _ZERO) else _UNKNOWN
+
+
+@device
+def _insert(best, n_known, score, begin, n_best):
+    """Insert scores into the lists of the best ones of each pixel, in falling order."""
+    known = n_known[begin : begin + score.size]
+    for i in range(score.size):
+        known[i] += _ONE if score[i] > _UNKNOWN else _ZERO
+    for k in range(n_best):
+        row = best[k, begin : begin + score.size]
+        for i in range(score.size):
+            a, b = row[i], score[i]
+            row[i] = a if a > b else b
+            score[i] = b if a > b else a
+
+
+@device
+def _fill_better_half(cost, best, n_known, mask):
+    """1 - mean of the better half of the known scores; 1 without one."""
+    cost[:] = _ZERO
+    for k in range(best.shape[0]):
+        row, below = best[k], np.float32(2 * k)
+        for i in range(mask.size):
+            cost[i] += row[i] if below < n_known[i] else _ZERO
+    for i in range(mask.size):
+        half = np.float32(math.floor(np.float32(0.5) * (n_known[i] + _ONE)))
+        cost[i] = _ONE - cost[i] / (half if half > _ZERO else _ONE) if mask[i] > _ZERO else _WORST_COST
+
+
+@device
+def _correlate(work, stack, begin, end, noise, columns):
+    """Scores of the pixels from begin to end, whose windows `work.shifted` and `work.shifted_mask` show."""
+    radius, n = stack.window_radius, end - begin
+    pad, products, sums, column_sums = radius * (columns + 1), work.products, work.sums, work.column_sums
+    own, mask, valid, shifted = work.own[begin:end], work.mask[begin:end], work.shifted_mask[:n], work.shifted[:n]
+    for k in range(6):
+        products[k, :pad] = _ZERO
+        products[k, pad + n : 2 * pad + n] = _ZERO
+    _fill_product(products[0, pad:], mask, valid)
+    _fill_product(products[1, pad:], own, valid)
+    _fill_product(products[2, pad:], shifted, mask)
+    _fill_product(products[3, pad:], own, products[1, pad:])
+    _fill_product(products[4, pad:], shifted, products[2, pad:])
+    _fill_product(products[5, pad:], own, shifted)
+    for k in range(6):
+        _fill_neighbour_sums(column_sums[: n + 2 * radius], products[k], radius * columns, columns, radius)
+        _fill_neighbour_sums(sums[k, :n], column_sums, radius, 1, radius)
+    min_count = np.float32(0.5 * (2 * radius + 1) * (2 * radius + 1))
+    _fill_scores(work.score[:n], mask, (sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]), noise, min_count)
+
+
+@device
+def _compare(work, stack, images, masks, m, j, d):
+    """Compare an image with another one on a plane: `work.score`, of pixels from the returned first to the end one."""
+    (rows, columns), other = stack.values.shape[1:], stack.other[j]
+    down, right = stack.base[j, 0] - d * stack.step[j, 0], stack.base[j, 1] - d * stack.step[j, 1]
     top, left = math.floor(down), math.floor(right)
-    (a0, a1, a2, a3), _ = cubic_weights(down - top)
-    weights, _ = cubic_weights(right - left)
-    top, left = int(top), int(left)
-    for y in range(rows):
-        r = y + top
-        for x in range(columns):
-            shifted_mask[y, x] = 0
-        if not 1 <= r < rows - 2:
-            continue
-        for x in range(max(0, 1 - left), min(columns, columns - 2 - left)):
-            c = x + left
-            shifted_mask[y, x] = mask[r, c] & mask[r, c + 1] & mask[r + 1, c] & mask[r + 1, c + 1]
-            shifted[y, x] = (
-                a0 * interpolate_row(values, r - 1, c, weights)
-                + a1 * interpolate_row(values, r, c, weights)
-                + a2 * interpolate_row(values, r + 1, c, weights)
-                + a3 * interpolate_row(values, r + 2, c, weights)
-            )
+    begin, end = max(2, 2 - top) * columns, min(rows - 2, rows - 3 - top) * columns
+    if begin >= end or abs(left) > columns - 4:
+        return 0, 0
+    level, other_level = 0, 0
+    if stack.blurred is not None:
+        level, other_level = blur_levels(stack, m, other, d)
+    mean, scale = work.normalisation
+    _fill_own(work.own, images[m, level], work.mask, mean, scale)
+    start, n = begin + top * columns + left, end - begin
+    _weighted_sum(work.along[: n + 3], images[other, other_level], start - 1, columns, cubic_weights(down - top)[0])
+    shifted, valid = work.shifted[:n], work.shifted_mask[:n]
+    _weighted_sum(shifted, work.along, 1, 1, cubic_weights(right - left)[0])
+    _fill_shifted_mask(valid, masks[other], start, left, columns)
+    _fill_own(shifted, shifted, valid, mean, scale)
+    noise = stack.noise_variance[m] * scale * scale, stack.noise_variance[other] * scale * scale
+    _correlate(work, stack, begin, end, noise, columns)
+    return begin, end
 
 
 @device
-def _fill_correlation(score, values, mask, workspace, noise, radius, shape):
-    """Normalised correlation of an image and a shifted one in windows over both masks; variances include noise."""
-    rows, columns = shape
-    shifted, shifted_mask, sums = workspace.shifted, workspace.shifted_mask, workspace.sums
-    for y in range(rows):
-        for k in range(6):
-            for x in range(columns):
-                sums[k, y, x] = 0.0
-        # Running sums along rows, then along columns: add the entering and subtract the leaving pixel.
-        n, a, b, aa, bb, ab = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for x in range(-radius, columns):
-            entering, leaving = x + radius, x - radius - 1
-            if entering < columns and mask[y, entering] & shifted_mask[y, entering]:
-                p, q = values[y, entering], shifted[y, entering]
-                n += 1.0
-                a += p
-                b += q
-                aa += p * p
-                bb += q * q
-                ab += p * q
-            if leaving >= 0 and mask[y, leaving] & shifted_mask[y, leaving]:
-                p, q = values[y, leaving], shifted[y, leaving]
-                n -= 1.0
-                a -= p
-                b -= q
-                aa -= p * p
-                bb -= q * q
-                ab -= p * q
-            if x >= 0:
-                sums[0, y, x] = n
-                sums[1, y, x] = a
-                sums[2, y, x] = b
-                sums[3, y, x] = aa
-                sums[4, y, x] = bb
-                sums[5, y, x] = ab
-    min_count = 0.5 * (2 * radius + 1) * (2 * radius + 1)
-    for x in range(columns):
-        for k in range(6):
-            sums[k, rows, x] = 0.0
-    for y in range(-radius, rows):
-        entering, leaving = y + radius, y - radius - 1
-        for k in range(6):
-            if entering < rows:
-                for x in range(columns):
-                    sums[k, rows, x] += sums[k, entering, x]
-            if leaving >= 0:
-                for x in range(columns):
-                    sums[k, rows, x] -= sums[k, leaving, x]
-        if y >= 0:
-            for x in range(columns):
-                n = sums[0, rows, x]
-                if n < min_count or not mask[y, x]:
-                    score[y, x] = _UNKNOWN
-                    continue
-                a, b = sums[1, rows, x] / n, sums[2, rows, x] / n
-                aa, bb = sums[3, rows, x] / n - a * a, sums[4, rows, x] / n - b * b
-                ab = sums[5, rows, x] / n - a * b
-                score[y, x] = ab / math.sqrt((max(aa, 0.0) + noise[0]) * (max(bb, 0.0) + noise[1]))
+def _fill_own(out, values, mask, mean, scale):
+    """Masked values minus a mean, times a scale."""
+    for i in range(out.size):
+        out[i] = (values[i] - mean) * scale * mask[i]
 
 
 @device
-def _better_half(scores, count, y, x):
-    """Mean of the better half of the known scores; 0 without one."""
-    n_known = 0
-    for j in range(count):
-        score = scores[j, y, x]
-        if score == _UNKNOWN:
-            continue
-        # Insertion sort: known scores stand first, in falling order.
-        k = n_known
-        while k > 0 and scores[k - 1, y, x] < score:
-            scores[k, y, x] = scores[k - 1, y, x]
-            k -= 1
-        scores[k, y, x] = score
-        n_known += 1
-    half = (n_known + 1) // 2
-    total = 0.0
-    for j in range(half):
-        total += scores[j, y, x]
-    return total / half if half else 0.0
+def _normalisation(values, mask):
+    """Mean of an image, and the power of two nearest to its inverse, which keep sums of squares exact in 32 bits."""
+    total, count = 0.0, 1e-30
+    for i in range(values.size):
+        total += values[i] * mask[i]
+        count += mask[i]
+    mean = total / count
+    _, exponent = math.frexp(mean)
+    return np.float32(mean), np.float32(math.ldexp(1.0, -exponent))
 
 
 @device
-def _fill_plane(cost, stack, workspace, m, k):
-    """Cost of plane k of an image, compared with its neighbours."""
-    shape = (stack.values.shape[1], stack.values.shape[2])
-    rows, columns = shape
-    mask, d, count = stack.mask[m], stack.disparities[k], 0
+def _fill_plane(work, stack, images, masks, m, d):
+    """Cost of a plane of an image, compared with its neighbours."""
+    count, best, n_known = 0, work.best, work.n_known
+    best[:] = _UNKNOWN
+    n_known[:] = _ZERO
     for j in range(stack.first[m], stack.first[m + 1]):
         down, right = d * stack.step[j, 0], d * stack.step[j, 1]
         if down * down + right * right > stack.max_shift * stack.max_shift or count == stack.max_compared:
             continue
-        other = stack.other[j]
-        down, right = stack.base[j, 0] - down, stack.base[j, 1] - right
-        values, other_values = stack.values[m], stack.values[other]
-        if stack.blurred is not None:
-            level, other_level = blur_levels(stack, m, other, d)
-            values, other_values = stack.blurred[m, level], stack.blurred[other, other_level]
-        _fill_shift(workspace.shifted, workspace.shifted_mask, other_values, stack.mask[other], down, right, shape)
-        noise = stack.noise_variance[m], stack.noise_variance[other]
-        _fill_correlation(workspace.scores[count], values, mask, workspace, noise, stack.window_radius, shape)
+        begin, end = _compare(work, stack, images, masks, m, j, d)
         count += 1
-    for y in range(rows):
-        for x in range(columns):
-            cost[y, x, k] = 1.0 - _better_half(workspace.scores, count, y, x) if mask[y, x] else _WORST_COST
-
-
-@device
-def _shift_windows(cost, row_minimum, reach):
-    """Take the lowest cost of all windows that contain a pixel, so that windows need not straddle an edge."""
-    rows, columns, planes = cost.shape
-    for y in range(rows):
-        for x in range(columns):
-            for k in range(planes):
-                lowest = cost[y, x, k]
-                for xx in range(max(0, x - reach), min(columns, x + reach + 1)):
-                    lowest = min(lowest, cost[y, xx, k])
-                row_minimum[y, x, k] = lowest
-    for y in range(rows):
-        for x in range(columns):
-            for k in range(planes):
-                lowest = row_minimum[y, x, k]
-                for yy in range(max(0, y - reach), min(rows, y + reach + 1)):
-                    lowest = min(lowest, row_minimum[yy, x, k])
-                cost[y, x, k] = lowest
+        _insert(best, n_known, work.score[: end - begin], begin, min(count, best.shape[0]))
+    radius, columns = stack.window_radius, stack.values.shape[2]
+    pad, cost, n = radius * (columns + 1), work.products[0], work.mask.size
+    cost[: pad + n + pad] = _WORST_COST
+    _fill_better_half(cost[pad : pad + n], best, n_known, work.mask)
+    # The lowest cost of all windows that contain a pixel, so that windows need not straddle an edge.
+    _fill_neighbour_minima(work.column_sums[: n + 2 * radius], cost, radius * columns, columns, radius)
+    _fill_neighbour_minima(work.score[:n], work.column_sums, radius, 1, radius)
 
 
 @kernel
-def fill_costs(cost, stack, workspace, first):
-    """Cost of each plane, 1 - correlation, (images, rows, columns, planes), of the images from `first` on."""
+def fill_costs(cost, stack, work, images, masks, first):
+    """Cost of each plane, 1 - correlation, (n, pixels, planes), of the images from `first` on.
+
+    `images` are (k, levels, pixels), `masks` (k, pixels): flat ones of the stack.
+    """
     for i in range(cost.shape[0]):
+        m = first + i
+        for p in range(masks.shape[1]):
+            work.mask[p] = np.float32(masks[m, p])
+        work.normalisation[0], work.normalisation[1] = _normalisation(images[m, 0], work.mask)
         for k in range(stack.disparities.size):
-            _fill_plane(cost[i], stack, workspace, first + i, k)
-        _shift_windows(cost[i], workspace.row_minimum, stack.window_radius)
+            _fill_plane(work, stack, images, masks, m, stack.disparities[k])
+            for p in range(masks.shape[1]):
+                cost[i, p, k] = work.score[p]

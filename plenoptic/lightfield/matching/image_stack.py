@@ -13,6 +13,8 @@ from plenoptic.core.values import Floats
 
 SPLINE_POLE = math.sqrt(3.0) - 2.0
 """Pole of the recursion for cubic B-splines."""
+MIN_MARGIN = 2
+"""Least margin around the masks of images, for interpolation, in pixels; windows need one of their radius."""
 _MIN_NOISE = 1e-3
 """Standard deviation, relative to the mean radiance, below which differences are not texture."""
 
@@ -27,7 +29,8 @@ class ImageStack(NamedTuple):
     values: NDArray[np.float32]
     """(k, rows, columns): radiance, mean of the channels."""
     mask: NDArray[np.uint8]
-    """(k, rows, columns): 1 for valid pixels; values are extrapolated for two pixels around them."""
+    """(k, rows, columns): 1 for valid pixels; values are extrapolated for two pixels around them. None are valid within
+    two pixels, and the radius of a window, from the border."""
     noise_variance: Floats
     """(k,): variance of the radiance up to which differences are not texture."""
     first: NDArray[np.int64]
@@ -80,6 +83,19 @@ class Matches(NamedTuple):
     """Standard error of the disparity, pixels; inf without a match."""
     confidence: Floats
     """Fraction of the compared images that agree, 0 to 1."""
+
+
+def with_margin(stack: ImageStack, margin: int) -> ImageStack:
+    """The stack with a margin of so many pixels around its images."""
+    edges, coefficients, displacement = [(0, 0), (margin,) * 2, (margin,) * 2], stack.coefficients, None
+    if stack.residual_displacement is not None:
+        displacement = np.pad(stack.residual_displacement, [*edges, (0, 0), (0, 0)], constant_values=np.nan)
+    return stack._replace(
+        values=np.pad(stack.values, edges),
+        mask=np.pad(stack.mask, edges),
+        coefficients=None if coefficients is None else np.pad(coefficients, edges),
+        residual_displacement=displacement,
+    )
 
 
 def noise_variance(values: Floats, variance: Floats, mask: NDArray[np.bool_]) -> Floats:

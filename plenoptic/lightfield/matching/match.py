@@ -18,13 +18,22 @@ Matcher: TypeAlias = Callable[[ImageStack, int, int], Matches]
 
 
 class Workspace(NamedTuple):
-    """Work arrays for the comparison of two images."""
+    """Work arrays for the comparison of two images, whose pixels stand row after row."""
 
+    normalisation: NDArray[np.float32]
+    """Mean of the image that is matched, and a scale."""
+    mask: NDArray[np.float32]
+    own: NDArray[np.float32]
+    along: NDArray[np.float32]
     shifted: NDArray[np.float32]
-    shifted_mask: NDArray[np.uint8]
-    sums: Floats
-    scores: NDArray[np.float32]
-    row_minimum: NDArray[np.float32]
+    shifted_mask: NDArray[np.float32]
+    products: NDArray[np.float32]
+    column_sums: NDArray[np.float32]
+    sums: NDArray[np.float32]
+    score: NDArray[np.float32]
+    best: NDArray[np.float32]
+    """(half, pixels): the best scores of each pixel, in falling order."""
+    n_known: NDArray[np.float32]
 
 
 def match_images(stack: ImageStack, first: int, end: int) -> Matches:
@@ -43,17 +52,15 @@ def plane_sweep(stack: ImageStack, first: int, end: int) -> NDArray[np.float32]:
     from plenoptic.lightfield.kernels.plane_sweep import fill_costs
 
     check_kind(stack, "stack", ImageStack, "that of the matcher's call")
-    shape = stack.values.shape[1:]
-    cost = np.empty((end - first, *shape, len(stack.disparities)), np.float32)
-    workspace = Workspace(
-        np.empty(shape, np.float32),
-        np.empty(shape, np.uint8),
-        np.empty((6, shape[0] + 1, shape[1])),
-        np.empty((stack.max_compared, *shape), np.float32),
-        np.empty(cost.shape[1:], np.float32),
-    )
-    fill_costs(cost, stack, workspace, first)
-    return cost
+    (count, rows, columns), planes = stack.values.shape, len(stack.disparities)
+    size, half = rows * columns, (stack.max_compared + 1) // 2
+    padded = size + 2 * stack.window_radius * (columns + 1)
+    shapes = 2, size, size, size + 3, size, size, (6, padded), padded, (6, size), size, (half, size), size
+    work = Workspace(*(np.empty(shape, np.float32) for shape in shapes))
+    images = (stack.values if stack.blurred is None else stack.blurred).reshape(count, -1, size)
+    cost = np.empty((end - first, size, planes), np.float32)
+    fill_costs(cost, stack, work, images, stack.mask.reshape(count, size), first)
+    return cost.reshape(end - first, rows, columns, planes)
 
 
 def semi_global(cost: NDArray[np.float32], disparities: Floats) -> Floats:

@@ -14,7 +14,14 @@ from plenoptic.camera.gaussian import CameraKind, kind_of
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.matching.image_stack import ImageStack, blur_levels, extrapolate_border, noise_variance
+from plenoptic.lightfield.displacement_table import DisplacementTable, throughput_and_displacement
+from plenoptic.lightfield.matching.image_stack import (
+    MIN_MARGIN,
+    ImageStack,
+    blur_levels,
+    extrapolate_border,
+    noise_variance,
+)
 from plenoptic.lightfield.outward_rays import aperture_variance
 from plenoptic.lightfield.pinhole_model import PinholeModel, trace_displacement
 from plenoptic.lightfield.raw_arrays import RawArrays
@@ -23,8 +30,6 @@ from plenoptic.optics.microlens.lattice import Lattice, neighbour_steps, rows_of
 
 _MAX_DISTANCE = 3.05
 """Largest distance between compared microlenses, in pitches."""
-_MARGIN = 2
-"""Margin around a micro image for interpolation, in pixels."""
 _DEPTH_RATIO = 1.06
 """Ratio of the virtual depths of neighbouring planes."""
 _MAX_COMPARED = 18
@@ -63,6 +68,8 @@ class MicroImages(NamedTuple):
     """(k, 2): lattice indices."""
     type: NDArray[np.int64]
     """(k,): type of the microlens."""
+    first_offset: Floats
+    """(k, 2): offset of the first row and column in the stack from the microlens's chief ray, pixels."""
     steps: NDArray[np.int64]
     """Steps from a microlens to its neighbours, in lattice indices."""
 
@@ -96,7 +103,11 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
 
 
 def micro_images(
-    model: PinholeModel, raw: RawArrays, virtual_depths: tuple[float, float], window_radius: int
+    model: PinholeModel,
+    table: DisplacementTable | None,
+    raw: RawArrays,
+    virtual_depths: tuple[float, float],
+    window_radius: int,
 ) -> MicroImages:
     """Cut a devignetted raw image into micro images, to be matched within a range of virtual depths of one sign."""
     camera, array = model.axes.camera, model.array
@@ -108,7 +119,7 @@ def micro_images(
     index, types, on_array = centres.index[inside_image], centres.type[inside_image], centres.on_array[inside_image]
     # In pixels of the sensor, so that a region has the same bits as the whole.
     centre, orthogonal = centres.pixel[inside_image], _orthogonal_centres(camera, index)
-    half = math.ceil(0.5 * pitch) + _MARGIN
+    half = math.ceil(0.5 * pitch) + max(MIN_MARGIN, window_radius)
     corner = np.rint(centre).astype(np.int64) - half
     side = np.arange(2 * half + 1)
     rows, columns = corner[:, :1, None] + side[:, None], corner[:, 1:, None] + side
@@ -135,22 +146,28 @@ def micro_images(
         pitch=pitch,
     )
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
-    micro = MicroImages(stack, (lens, y, x), row, column, orthogonal - first, on_array, index, types, steps)
-    stack = _mask_and_displace(model, micro, raw, radii < _CENTRE_RADIUS * pitch)
+    places = orthogonal - first, on_array, index, types, corner - centre
+    micro = MicroImages(stack, (lens, y, x), row, column, *places, steps)
+    stack = _mask_and_displace(model, table, micro, raw, radii < _CENTRE_RADIUS * pitch)
     stack = stack._replace(noise_variance=noise_variance(values, variance, stack.mask > 0))
     return micro._replace(stack=_with_blur(stack, camera, array, types))
 
 
 def _mask_and_displace(
-    model: PinholeModel, micro: MicroImages, raw: RawArrays, central: NDArray[np.bool_]
+    model: PinholeModel, table: DisplacementTable | None, micro: MicroImages, raw: RawArrays, central: NDArray[np.bool_]
 ) -> ImageStack:
     """The stack without pixels lit by neighbours, with displacement from the pinhole model.
 
     Central pixels (k, n, n) are lit by no neighbour.
     """
     stack, lens = micro.stack, micro.lit[0]
-    pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
-    passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
+    if table is None:
+        pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
+        passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
+    else:
+        size = stack.mask.shape[1]
+        values = table.values(micro.on_array, micro.type, micro.first_offset, size, model.threads)
+        passed, displacement = throughput_and_displacement(values[micro.lit])
     throughput, light = (np.zeros(stack.mask.shape) for _ in range(2))
     coefficients = np.full((*stack.mask.shape, 2, 2), np.nan)
     throughput[micro.lit], light[micro.lit] = passed, raw.white[micro.row, micro.column].mean(axis=1)
