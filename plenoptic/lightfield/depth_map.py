@@ -172,7 +172,7 @@ def depth(  # noqa: PLR0913
         array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
         model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
         tables = displacement_tables(camera, virtual_depths, workers)
-        micro = micro_images(model, tables.image, raw, virtual_depths, radius)
+        micro = micro_images(model, tables, raw, virtual_depths, radius)
         return _depth_of_raw_image(model, tables.chord, raw, micro, matcher)
 
 
@@ -181,7 +181,7 @@ def _depth_of_raw_image(
 ) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     matches = match_stack(micro.stack, matcher, model.threads)
-    disparity, error, confidence = consensus(matches, micro, raw.shot.shape)
+    disparity, error, confidence = consensus(matches, micro, raw.shot.shape, model.threads)
     measured, pitch = np.isfinite(disparity[micro.row, micro.column]), micro.stack.pitch
     lit, lens = (micro.row[measured], micro.column[measured]), micro.lit[0][measured]
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
@@ -191,8 +191,11 @@ def _depth_of_raw_image(
         chord = chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
     else:
         first_type, nodes = np.zeros_like(micro.type), chord_nodes(micro.stack.disparities[[0, -1]] / pitch)
-        values = table.values(micro.on_array, first_type, micro.first_offset, micro.stack.mask.shape[1], model.threads)
-        chord = chord_of_values(values[tuple(index[measured] for index in micro.lit)], nodes, per_pitch)
+        table_values = table.values(
+            micro.on_array, first_type, micro.first_offset, micro.stack.mask.shape[1], model.threads
+        )
+        values = table_values[tuple(index[measured] for index in micro.lit)].astype(np.float64)
+        chord = chord_of_values(values, nodes, per_pitch)
     disparity[lit] = pitch * chord
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)

@@ -76,11 +76,13 @@ class DisplacementTable(NamedTuple):
         x, y = (legvander(unit[:, k], terms - 1) for k in (0, 1))
         return np.asarray((x[:, :, None] * y[:, None]).reshape(len(on_array), -1))
 
-    def values(self, on_array: Floats, types: NDArray[np.int64], first: Floats, n: int, threads: int) -> Floats:
+    def values(
+        self, on_array: Floats, types: NDArray[np.int64], first: Floats, n: int, threads: int
+    ) -> NDArray[np.float32]:
         """Values (k, n, n, f) of the pixels from offsets `first` (k, 2) on, behind microlenses at (k, 2)."""
         from plenoptic.lightfield.kernels.displacement_table import fill_values
 
-        basis, result = self.basis(on_array), np.empty((len(on_array), n, n, self.series.shape[-1]))
+        basis, result = self.basis(on_array), np.empty((len(on_array), n, n, self.series.shape[-1]), np.float32)
 
         def fill(start: int) -> None:
             block = slice(start, start + _BLOCK)
@@ -96,6 +98,8 @@ class DisplacementTable(NamedTuple):
 class DisplacementTables(NamedTuple):
     """Tables of a camera; None where one is not accurate, or not faster than tracing."""
 
+    centres: MicrolensCentres
+    """Of the chief rays."""
     image: DisplacementTable | None
     """Throughput t, t times the displacement (2, 2) from that of the chief ray, and the latter (2, 2)."""
     chord: DisplacementTable | None
@@ -137,6 +141,7 @@ def displacement_tables(
 
     radius, n_types = 0.5 * min(array.pitches) / camera.sensor.pixel_pitch, len(array.focal_lengths)
     return DisplacementTables(
+        centres,
         _table(trace_image, compared, centres, n_types, radius, _SPACING),
         _table(trace_chord, lambda values: values / (_MAX_CHORD_ERROR * at), centres, 1, radius, _CHORD_SPACING),
     )
@@ -190,7 +195,7 @@ def _table(
         if exact is None:
             exact = compared(traced(centres.pixel[lens] + offset, centres.on_array[lens], centres.index[lens], types))
         table = _fit(traced, centres, (side, terms), n_types, radius, spacing)
-        error = compared(table.values(centres.on_array[lens], types, offset, 1, 1)[:, 0, 0]) - exact
+        error = compared(table.values(centres.on_array[lens], types, offset, 1, 1)[:, 0, 0].astype(np.float64)) - exact
         if (np.nanmean(error**2, axis=0) <= 1.0).all():
             return table
     return None

@@ -1,4 +1,4 @@
-"""Cubic convolution and splines: interpolation weights, and interpolation along a row."""
+"""Cubic convolution and splines: interpolation weights."""
 
 from plenoptic.core.numba.jit import device
 from plenoptic.lightfield.matching.image_stack import SPLINE_POLE as Z
@@ -43,14 +43,3 @@ def spline_noise(a, b):
         for k in range(4):
             total += a[i] * b[k] * _COVARIANCE[abs(i - k)]
     return total
-
-
-@device
-def interpolate_row(values, row, column, weights):
-    """Weighted sum of the four pixels from column - 1 to column + 2 of a row."""
-    return (
-        weights[0] * values[row, column - 1]
-        + weights[1] * values[row, column]
-        + weights[2] * values[row, column + 1]
-        + weights[3] * values[row, column + 2]
-    )

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.lightfield.kernels.cubic import cubic_weights, interpolate_row, spline_noise, spline_weights
+from plenoptic.lightfield.kernels.cubic import cubic_weights, spline_noise, spline_weights
 
 _STEPS, _ITERATIONS = 3, 3
+_SMALL_STEP = 0.25
+"""Step over standard error from which on a further one would change little: each leaves a tenth of the last."""
 _MIN_VALID = 0.25
 """Minimum fraction of valid pixels in a window."""
 _MIN_CORRELATION = 0.3
@@ -93,12 +97,31 @@ def _dot(a, b):
 
 
 @device
-def _window(stack, start, slopes, m, j, pixel, d):
+def _to_float32(weights):
+    return np.float32(weights[0]), np.float32(weights[1]), np.float32(weights[2]), np.float32(weights[3])
+
+
+@device
+def _fill_along(along, values, first_row, first_column, weights, derivatives):
+    """Interpolate along the rows of an image: values and derivatives (2, rows, columns) from a pixel on."""
+    (a, b, c, d), (e, f, g, h) = weights, derivatives
+    for i in range(max(0, -first_row), min(along.shape[1], values.shape[0] - first_row)):
+        for k in range(max(0, 1 - first_column), min(along.shape[2], values.shape[1] - 2 - first_column)):
+            row, column = first_row + i, first_column + k
+            left, middle = values[row, column - 1], values[row, column]
+            right, last = values[row, column + 1], values[row, column + 2]
+            along[0, i, k] = a * left + b * middle + c * right + d * last
+            along[1, i, k] = e * left + f * middle + g * right + h * last
+
+
+@device
+def _window(stack, start, work, m, j, pixel, d):
     """Comparison of a window with another image: (count, correlation, sum of residual slope, slope^2, residual^2).
 
     Gain and offset of the other image are fitted. `slopes` gets the slopes minus their mean; nan for invalid pixels.
     """
-    rows, columns, radius = stack.values.shape[1], stack.values.shape[2], stack.window_radius
+    (slopes, along), radius = work, stack.window_radius
+    rows, columns = stack.values.shape[1], stack.values.shape[2]
     (y, x), other = pixel, stack.other[j]
     sy, sx = stack.step[j, 0], stack.step[j, 1]
     down, right = stack.base[j, 0] - d * sy, stack.base[j, 1] - d * sx
@@ -130,6 +153,10 @@ def _window(stack, start, slopes, m, j, pixel, d):
         window_values, values = stack.blurred[m, level], stack.blurred[other, other_level]
         if other_level > 0:
             covariance = 0.0  # blurred noise is as smooth halfway between pixels
+    (a0, a1, a2, a3), (e0, e1, e2, e3) = _to_float32((a0, a1, a2, a3)), _to_float32((e0, e1, e2, e3))
+    place = y - radius + top - 1, x - radius + left
+    _fill_along(along, values, place[0], place[1], _to_float32(weights), _to_float32(derivatives))
+    sy, sx = np.float32(sy), np.float32(sx)
     tolerance, noise, slot = _SAME_SURFACE * _reach(stack, start[y, x]), stack.noise_variance[m], 0
     for yy in range(y - radius, y + radius + 1):
         for xx in range(x - radius, x + radius + 1):
@@ -141,15 +168,11 @@ def _window(stack, start, slopes, m, j, pixel, d):
             valid = other_mask[r, c] & other_mask[r, c + 1] & other_mask[r + 1, c] & other_mask[r + 1, c + 1]
             if not (stack.mask[m, yy, xx] & valid and abs(start[yy, xx] - start[y, x]) <= tolerance):
                 continue
-            v, vy, vx = 0.0, 0.0, 0.0
-            for i in range(4):
-                w = a0 if i == 0 else a1 if i == 1 else a2 if i == 2 else a3
-                e = e0 if i == 0 else e1 if i == 1 else e2 if i == 2 else e3
-                along = interpolate_row(values, r - 1 + i, c, weights)
-                v += w * along
-                vy += e * along
-                vx += w * interpolate_row(values, r - 1 + i, c, derivatives)
-            value, slope = window_values[yy, xx], -(sy * vy + sx * vx)
+            i, k = yy - y + radius, xx - x + radius
+            b0, b1, b2, b3 = along[0, i, k], along[0, i + 1, k], along[0, i + 2, k], along[0, i + 3, k]
+            v, vy = a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3, e0 * b0 + e1 * b1 + e2 * b2 + e3 * b3
+            vx = a0 * along[1, i, k] + a1 * along[1, i + 1, k] + a2 * along[1, i + 2, k] + a3 * along[1, i + 3, k]
+            value, slope, v = float(window_values[yy, xx]), -float(sy * vy + sx * vx), float(v)
             slopes[0, slot - 1], slopes[1, slot - 1] = slope, v
             n += 1.0
             p += value
@@ -178,9 +201,10 @@ def _window(stack, start, slopes, m, j, pixel, d):
 
 
 @device
-def _refine(stack, start, slopes, m, y, x):
+def _refine(stack, start, work, m, y, x):
     """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
-    error, agreement, slope_sums = math.inf, 0.0, slopes[2]
+    slopes, error, agreement = work[0], math.inf, 0.0
+    slope_sums = slopes[2]
     swept, reach = start[y, x], _reach(stack, start[y, x])
     if stack.residual_displacement is not None:
         swept = _model_disparity(stack, m, (y, x), swept)
@@ -195,7 +219,7 @@ def _refine(stack, start, slopes, m, y, x):
             if down * down + right * right > stack.max_shift * stack.max_shift or n_compared == stack.max_compared:
                 continue
             n_compared += 1
-            n, correlation, residual, slope_squares, residual_squares = _window(stack, start, slopes, m, j, (y, x), d)
+            n, correlation, residual, slope_squares, residual_squares = _window(stack, start, work, m, j, (y, x), d)
             n_valid += n > 0.0
             if n == 0.0 or correlation <= _MIN_CORRELATION:
                 continue
@@ -221,7 +245,10 @@ def _refine(stack, start, slopes, m, y, x):
         for i in range(slope_sums.size):
             slope_variance += slope_sums[i] * slope_sums[i]
         error = math.sqrt(0.5 * variance * slope_variance + excess) / stiffness
-        d = min(max(d + gradient_sum / stiffness, swept - reach), swept + reach)
+        step = gradient_sum / stiffness
+        d = min(max(d + step, swept - reach), swept + reach)
+        if abs(step) < _SMALL_STEP * error:
+            break
     # A disparity at the end of the search range is no solution.
     if abs(d - swept) >= reach:
         error = max(error, reach)
@@ -229,13 +256,16 @@ def _refine(stack, start, slopes, m, y, x):
 
 
 @kernel
-def fill_subpixel(matches, start, stack, slopes, first):
-    """Fill `matches` of the images from `first` on, near disparities `start` (images, rows, columns)."""
+def fill_subpixel(matches, start, stack, work, first):
+    """Fill `matches` of the images from `first` on, near disparities `start` (images, rows, columns).
+
+    `work` are arrays (3, w w) and (2, w + 3, w) for windows of w x w pixels.
+    """
     images, rows, columns = start.shape
     for i in range(images):
         for y in range(rows):
             for x in range(columns):
                 if stack.mask[first + i, y, x]:
                     matches.disparity[i, y, x], matches.standard_error[i, y, x], matches.confidence[i, y, x] = _refine(
-                        stack, start[i], slopes, first + i, y, x
+                        stack, start[i], work, first + i, y, x
                     )

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
 from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.micro_images import MicroImages
@@ -14,6 +15,8 @@ from plenoptic.lightfield.matching.micro_images import MicroImages
 _TOLERANCE = 0.03
 """Relative difference, in addition to four standard errors, up to which microlenses agree."""
 
+_BLOCK = 1 << 13
+"""Pixels whose consensus is computed together."""
 _EDGE = 0.05
 """Relative difference of disparity at the edge of a surface before another."""
 CONFIDENCE_AT_EDGES = 0.7
@@ -24,7 +27,7 @@ _BIAS_OVER_SCATTER = 2.5
 """Error of disparities over their scatter in a window, beyond that of independent pixels; measured on checkerboards."""
 
 
-def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> Matches:
+def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...], threads: int) -> Matches:
     """Disparities on the raw image (H, W), from those of its micro images (k, n, n); nan outside of them.
 
     Neighbouring microlenses see the same points: each pixel collects the estimates that neighbours project onto it, and
@@ -38,16 +41,26 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...]) -> M
     owner[row * shape[1] + column] = lens
     slots = np.full((len(micro.steps) + 1, 3, size), np.nan)
     slots[0, :, row * shape[1] + column] = np.where(usable, [value, error, agreement], np.nan).T
-    for j, other in enumerate(micro.neighbours(lens).T):
-        shift = (micro.orthogonal[other] - micro.orthogonal[lens]) * (1.0 - value / micro.stack.pitch)[:, None]
-        target = np.rint(np.column_stack([row, column]) + np.nan_to_num(shift, nan=1e9)).astype(np.int64)
-        lands = usable & (other >= 0) & ((target >= 0) & (target < shape[:2])).all(axis=1)
-        target_index = np.where(lands, target[:, 0] * shape[1] + target[:, 1], 0)
+    fraction = np.where(usable, 1.0 - value / micro.stack.pitch, 0.0)
+    for j, neighbour in enumerate(micro.neighbours().T):
+        other, baseline = neighbour[lens], micro.orthogonal[neighbour] - micro.orthogonal
+        down, right = (
+            np.rint(pixel + along[lens] * fraction).astype(np.int64)
+            for pixel, along in zip((row, column), baseline.T, strict=True)
+        )
+        lands = usable & (other >= 0) & (down >= 0) & (down < shape[0]) & (right >= 0) & (right < shape[1])
+        target_index = np.where(lands, down * shape[1] + right, 0)
         lands &= owner[target_index] == other
         slots[j + 1][:, target_index[lands]] = value[lands], error[lands], agreement[lands]
     result = np.full((3, size), np.nan)
     covered = np.flatnonzero(owner >= 0)
-    result[:, covered] = _weighted_consensus(*(slots[:, k, covered] for k in range(3)))
+    blocks = [covered[start : start + _BLOCK] for start in range(0, len(covered), _BLOCK)]
+
+    def consensus_of(pixels: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
+        return _weighted_consensus(*(slots[:, k, pixels] for k in range(3)))
+
+    for pixels, agreed in zip(blocks, run_in_order(consensus_of, blocks, threads=threads), strict=True):
+        result[:, pixels] = agreed
     value, error, confidence = result.reshape(3, *shape[:2])
     scatter, farthest = _around(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
     excess = np.fmax(scatter - 2.0 * error**2, 0.0)

@@ -91,7 +91,9 @@ def refine(stack: ImageStack, disparity: Floats, first: int) -> Matches:
     if np.ndim(disparity) != 3:
         raise InvalidValueError(f"disparity has {np.ndim(disparity)} axes; it must be (n, rows, columns)")
     matches = Matches(*(np.full(disparity.shape, np.nan) for _ in Matches._fields))
-    fill_subpixel(matches, disparity, stack, np.empty((3, (2 * stack.window_radius + 1) ** 2)), first)
+    width = 2 * stack.window_radius + 1
+    work = np.empty((3, width * width)), np.empty((2, width + 3, width), np.float32)
+    fill_subpixel(matches, disparity, stack, work, first)
     systematic = stack.shift_error / float(np.hypot(*stack.step.T).max(initial=1e-9))
     return matches._replace(standard_error=np.hypot(stack.error_ratio * matches.standard_error, systematic))
 

@@ -14,7 +14,7 @@ from plenoptic.camera.gaussian import CameraKind, kind_of
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.displacement_table import DisplacementTable, throughput_and_displacement
+from plenoptic.lightfield.displacement_table import DisplacementTable, DisplacementTables, throughput_and_displacement
 from plenoptic.lightfield.matching.image_stack import (
     MIN_MARGIN,
     ImageStack,
@@ -73,9 +73,9 @@ class MicroImages(NamedTuple):
     steps: NDArray[np.int64]
     """Steps from a microlens to its neighbours, in lattice indices."""
 
-    def neighbours(self, lens: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 4 or 6): microlenses around given ones (n,); -1 for a missing one."""
-        return np.stack([rows_of(self.index, self.index[lens] + step) for step in self.steps], axis=1)
+    def neighbours(self) -> NDArray[np.int64]:
+        """(k, 4 or 6): microlenses around each one; -1 for a missing one."""
+        return np.stack([rows_of(self.index, self.index + step) for step in self.steps], axis=1)
 
 
 def focused_array(camera: PlenopticCamera) -> MicrolensArray:
@@ -104,7 +104,7 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
 
 def micro_images(
     model: PinholeModel,
-    table: DisplacementTable | None,
+    tables: DisplacementTables,
     raw: RawArrays,
     virtual_depths: tuple[float, float],
     window_radius: int,
@@ -112,7 +112,7 @@ def micro_images(
     """Cut a devignetted raw image into micro images, to be matched within a range of virtual depths of one sign."""
     camera, array = model.axes.camera, model.array
     pitch = min(array.pitches) / camera.sensor.pixel_pitch
-    centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
+    centres = tables.centres
     first, shape, inside_image = np.array(raw.first), raw.shot.shape[:2], raw.near(centres.pixel, 0.0)
     if np.count_nonzero(inside_image) < 3:
         raise InvalidValueError("the image holds fewer than three micro images; take a larger region")
@@ -148,7 +148,7 @@ def micro_images(
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
     places = orthogonal - first, on_array, index, types, corner - centre
     micro = MicroImages(stack, (lens, y, x), row, column, *places, steps)
-    stack = _mask_and_displace(model, table, micro, raw, radii < _CENTRE_RADIUS * pitch)
+    stack = _mask_and_displace(model, tables.image, micro, raw, radii < _CENTRE_RADIUS * pitch)
     stack = stack._replace(noise_variance=noise_variance(values, variance, stack.mask > 0))
     return micro._replace(stack=_with_blur(stack, camera, array, types))
 
@@ -167,7 +167,7 @@ def _mask_and_displace(
     else:
         size = stack.mask.shape[1]
         values = table.values(micro.on_array, micro.type, micro.first_offset, size, model.threads)
-        passed, displacement = throughput_and_displacement(values[micro.lit])
+        passed, displacement = throughput_and_displacement(values[micro.lit].astype(np.float64))
     throughput, light = (np.zeros(stack.mask.shape) for _ in range(2))
     coefficients = np.full((*stack.mask.shape, 2, 2), np.nan)
     throughput[micro.lit], light[micro.lit] = passed, raw.white[micro.row, micro.column].mean(axis=1)
