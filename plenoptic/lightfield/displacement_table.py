@@ -196,7 +196,7 @@ def _table(
             exact = compared(traced(centres.pixel[lens] + offset, centres.on_array[lens], centres.index[lens], types))
         table = _fit(traced, centres, (side, terms), n_types, radius, spacing)
         error = compared(table.values(centres.on_array[lens], types, offset, 1, 1)[:, 0, 0].astype(np.float64)) - exact
-        if (np.nanmean(error**2, axis=0) <= 1.0).all():
+        if np.isfinite(error).any(axis=0).all() and (np.nanmean(error**2, axis=0) <= 1.0).all():
             return table
     return None
 

@@ -13,7 +13,7 @@ from plenoptic.core.numba.jit import device, kernel
 from plenoptic.lightfield.kernels.cubic import cubic_weights, spline_noise, spline_weights
 
 _STEPS, _ITERATIONS = 3, 3
-_SMALL_STEP = 1.0
+_SMALL_STEP = 0.5
 """Step over standard error below which it is the last: a further one would be some tenth of it."""
 _MIN_VALID = 0.25
 """Minimum fraction of valid pixels in a window."""
