@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -17,6 +18,15 @@ REFUSED = 1
 INTERRUPTED = 130
 """128 and the number of SIGINT, as shells have it. 2 is argparse's: wrong usage."""
 
+
+_OPTIONS = {
+    r"lights=\[\.\.\.\] above 0 or a background=": "--background 1",
+    r'pl\.Scene\.load\(path, unit="(\w+)"\)': r"--unit \1",
+    r"samples, time_limit and target_error are all None": "--samples, --time-limit and --target-error are missing",
+    r"samples and target_error are both None": "--samples and --target-error are missing",
+    r"such as samples=64": "such as --samples 64",
+}
+"""Patterns of remedies in Python, and the options to type instead."""
 
 COMMANDS: dict[str, Any] = {
     "render": render,
@@ -50,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sys.stderr.close()
             return REFUSED
         except (PlenopticError, OSError) as error:
-            print(f"plenoptic {options.command}: {' '.join(str(error).split())}", file=sys.stderr)
+            print(f"plenoptic {options.command}: {_text(error)}", file=sys.stderr)
             return REFUSED
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())
@@ -78,4 +88,12 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 def _show_warning(message: Warning | str, *where: Any, **also: Any) -> None:
     """Print a warning in one line, without the place in the code."""
-    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"warning: {_text(message)}", file=sys.stderr)
+
+
+def _text(message: object) -> str:
+    """A message in one line, with options in place of arguments in Python."""
+    text = " ".join(str(message).split())
+    for pattern, option in _OPTIONS.items():
+        text = re.sub(pattern, option, text)
+    return text

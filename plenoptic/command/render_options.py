@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import re
-import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from plenoptic.command.open_file import load_camera, load_scene, load_settings
@@ -82,7 +81,7 @@ def fill_render_options(parser: argparse.ArgumentParser) -> None:
 def add_progress(parser: Any) -> None:
     """Add the switch for progress bars to a parser or a group of it."""
     show = argparse.BooleanOptionalAction
-    parser.add_argument("--progress", action=show, default=sys.stderr.isatty(), help="in terminals")
+    parser.add_argument("--progress", action=show, default=True, help="in terminals")
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:

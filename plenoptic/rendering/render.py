@@ -112,7 +112,7 @@ def render(  # noqa: PLR0913
         Side of a tile in pixels; None: chosen from the number of samples. The image does not depend on it, unless there
         is a time limit or a target error, at which whole tiles end, by default of 64 x 64 pixels.
     progress : bool
-        Whether to show a progress bar, with the remaining time and the current error.
+        Whether to show a progress bar in terminals and notebooks, with the remaining time and the current error.
 
     Returns
     -------

@@ -165,6 +165,18 @@ def test_scenes_of_other_units_are_seen_from_their_cameras(folder, refused, caps
     assert "nothing in the scene emits light" in capsys.readouterr().err
 
 
+def test_remedies_are_options_and_all_faults_are_named(folder, refused, capsys):
+    """A triangle in metres that is read as mm, without a light; then one in mm that is read as m."""
+    (folder / "metres.obj").write_text("v -0.05 -0.05 -0.4\nv 0.05 -0.05 -0.4\nv 0 0.05 -0.4\nf 1 2 3\n")
+    run("render metres.obj camera.json --samples 4 -o black.exr")
+    err = capsys.readouterr().err
+    assert "give it --background 1" in err and "the unit of its numbers: --unit m\n" in err and "pl." not in err, err
+    run("render wall.obj camera.json --samples 4 --background 1 --unit m -o large.exr")
+    assert "the unit of its numbers: --unit mm" in capsys.readouterr().err
+    assert "such as --samples 64" in refused("render wall.obj camera.json -o a.exr")
+    assert "--samples and --target-error are missing" in refused("estimate wall.obj camera.json")
+
+
 def test_what_is_refused_is_told_in_one_line_and_before(folder, refused, nothing_rendered):
     (folder / "folder.exr").mkdir()
     usual = "wall.obj camera.json --samples 4 --background 1 -o a.exr"
@@ -177,7 +189,7 @@ def test_what_is_refused_is_told_in_one_line_and_before(folder, refused, nothing
         (f"{usual} --truth depth,nrmal", "--truth has 'nrmal'; it must be one"),
         (f"{usual} --settings camera.json", "give RenderSettings"),
         (f"{usual} --checkpoint nowhere/c", "does not exist; make it first"),
-        ("wall.obj camera.json -o a.exr", "give one of them, such as samples=64"),
+        ("wall.obj camera.json -o a.exr", "--samples, --time-limit and --target-error are missing"),
         ("camera.json --samples 4 -o a.exr", "give SCENE and CAMERA, or --white and CAMERA"),
         (f"--white {usual}", "'wall.obj' is one too many"),
         ("--white camera.json --samples 4 -o a.exr --max-bounces 3", "--max-bounces is about a scene"),

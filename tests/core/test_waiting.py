@@ -28,7 +28,8 @@ def ctrl_c_is_heard():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Everything ten times as soon."""
+    """Everything ten times as soon, in a terminal."""
+    monkeypatch.setattr(bar, "terminal_size", lambda: os.terminal_size((80, 24)))
     monkeypatch.setattr(bar, "DELAY", 0.1)
     monkeypatch.setattr(bar, "_INTERVAL", 0.02)
 
@@ -80,6 +81,15 @@ def test_nothing_is_shown_where_it_is_not_wanted(capsys, quick):
     thread.start()
     thread.join()
     assert capsys.readouterr().err == "" and current_progress() is None
+
+
+def test_files_get_no_bar(capsys, quick, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(bar, "DELAY", -1.0)
+    with CallProgress("waiting", kind="camera", show=True) as shown:
+        shown.step(1, 2)
+        shown._update()
+    assert shown._bar.disable and capsys.readouterr() == ("", "")
 
 
 def test_what_is_quick_shows_nothing_and_starts_no_thread(capsys):

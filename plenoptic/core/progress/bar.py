@@ -53,19 +53,27 @@ class _CellLine:
             self._handle.update({"text/plain": text.strip()}, raw=True)
 
 
-def load_tqdm() -> Any:
+def terminal_size() -> os.terminal_size | None:
+    """Columns and rows of the terminal that shows the standard error stream; None if a file or a pipe takes it."""
+    is_terminal = sys.stderr is not None and sys.stderr.isatty()
+    return os.get_terminal_size(sys.stderr.fileno()) if is_terminal else None
+
+
+def load_tqdm(*, show: bool = True) -> Any:
     """`tqdm.auto.tqdm`; in notebooks without ipywidgets its text bar, as one output of the cell.
 
-    In terminals that do not know their size, where it would print nothing, with 80 columns.
+    It shows nothing outside of terminals and notebooks. In terminals that do not know their size, where it would print
+    nothing either, it has 80 columns.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "IProgress not found")
         from tqdm.auto import tqdm
-    if "ipykernel.zmqshell" in sys.modules and all(base.__module__ != "tqdm.notebook" for base in tqdm.__mro__):
+    in_notebook, size = "ipykernel.zmqshell" in sys.modules, terminal_size()
+    if not show or (size is None and not in_notebook):
+        return functools.partial(tqdm, disable=True)
+    if in_notebook and all(base.__module__ != "tqdm.notebook" for base in tqdm.__mro__):
         return functools.partial(tqdm, file=_CellLine())
-    if sys.stderr is not None and sys.stderr.isatty() and 0 in os.get_terminal_size(sys.stderr.fileno()):
-        return functools.partial(tqdm, ncols=80, nrows=24)
-    return tqdm
+    return functools.partial(tqdm, ncols=80, nrows=24) if size is not None and 0 in size else tqdm
 
 
 class Poller:

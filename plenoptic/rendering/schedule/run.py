@@ -237,7 +237,8 @@ def _warn(setup: RenderSetup, subject: Subject, shot: Exposure, *, interrupted: 
     if limit is not None:
         warn_if_late(progress, limit, time.perf_counter() - setup.begin[0])
     lit, meshes = bool(shot.image.any()), setup.context.intersector is not None
-    if progress.done.all() and not setup.is_dark and not (lit and (progress.scene_hits or not meshes)):
+    explained = lit or setup.is_dark
+    if progress.done.all() and not (explained and (progress.scene_hits or not meshes)):
         from plenoptic.rendering.black_image import warn_of_darkness
 
-        warn_of_darkness(setup.context, subject.scene, progress, lit=lit)
+        warn_of_darkness(setup.context, subject.scene, progress, lit=explained)

@@ -219,7 +219,7 @@ def _measure_all(
     set_ups = min(rounds, _SET_UPS)
     one_path = run._replace(samples=1, region=central_pixel(run.region))
     numbers = itertools.count(1)
-    with load_tqdm()(total=len(separable) * (2 * rounds + 3 + 2 * set_ups), disable=not progress) as bar:
+    with load_tqdm(show=progress)(total=len(separable) * (2 * rounds + 3 + 2 * set_ups)) as bar:
 
         def render_stats(subject: Subject, run: _Run, picture: Picture | None = None) -> tuple[float, int]:
             exposure = _exposure(subject, run, next(numbers))

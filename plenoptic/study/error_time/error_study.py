@@ -145,7 +145,7 @@ def error_against_time(  # noqa: PLR0913
         return expose(subject, seed=seed, region=window, threads=workers)
 
     total = converged + len(chosen) * sum(runs.samples) * runs.seeds * runs.repeats
-    with load_tqdm()(total=total, bar_format=_BAR, disable=not progress) as bar:
+    with load_tqdm(show=progress)(total=total, bar_format=_BAR) as bar:
         if not isinstance(reference, Exposure):
             subject = dataclasses.replace(_subject(reference or Variant(), scene, camera), samples=converged)
             # On all processors: it is not timed, and its bits do not depend on them.

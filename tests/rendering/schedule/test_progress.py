@@ -4,6 +4,7 @@ import dataclasses
 import gc
 import itertools
 import math
+import os
 import signal
 import time
 import weakref
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.camera.sampling.sampling_records import batch_record
+from plenoptic.core.progress import bar
 from plenoptic.rendering.film import replicate_counts
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule import progress_bar
@@ -269,7 +271,12 @@ def test_the_first_interrupt_is_noted_and_told_and_the_second_raised():
     assert signal.getsignal(signal.SIGINT) is before and calls == [1]
 
 
-def test_the_bar_ends_with_the_error(capsys):
+@pytest.fixture
+def terminal(monkeypatch):
+    monkeypatch.setattr(bar, "terminal_size", lambda: os.terminal_size((80, 24)))
+
+
+def test_the_bar_ends_with_the_error(capsys, terminal):
     shot = pl.render_white(small_camera(), target_error=0.5)
     said = capsys.readouterr().err
     assert "100%" in said and f"error {100 * shot.relative_error:.2g} %" in said
@@ -277,7 +284,7 @@ def test_the_bar_ends_with_the_error(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_the_bar_shows_how_much_is_left(monkeypatch, capsys):
+def test_the_bar_shows_how_much_is_left(monkeypatch, capsys, terminal):
     clock, tiles = [100.0], [Tile(0, 2 * k, 2, 2) for k in range(4)]
     monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: clock[0])
 

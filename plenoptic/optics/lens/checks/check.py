@@ -10,6 +10,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.bundled import glass
@@ -43,7 +44,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> Findings:
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
     wave = positive(wavelength, "wavelength", "nm")
     lens.indices(wave)
-    with np.errstate(all="ignore"):  # numbers may overflow or underflow
+    with CallProgress("checking", kind="lens", show=True), np.errstate(all="ignore"):  # numbers may over- or underflow
         by_prescription = (_edges, _collisions, _stop_planes, _shapes, _glass_numbers, _aperture)
         all_findings = [finding for check in by_prescription for finding in check(lens)]
         all_findings += [*_positions(lens, wave), *ray_findings(lens, wave)]
