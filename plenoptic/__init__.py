@@ -9,4 +9,17 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name; an AttributeError names similar ones."""
+    try:
+        return _load(name)
+    except AttributeError:
+        if name.startswith("_") or name in __all__:
+            raise
+        from difflib import get_close_matches
+
+        similar = ", ".join(get_close_matches(name, __all__)) or "dir(plenoptic)"
+        raise AttributeError(f"plenoptic has no {name}; see {similar}", name=name) from None

@@ -54,6 +54,12 @@ for space, name in {pairs}:
 """
 
 
+def test_wrong_names_are_answered_by_similar_ones():
+    for name, similar in (("Lens", "LensStack"), ("rendr", "render"), ("Xyzzy", r"dir\(plenoptic\)")):
+        with pytest.raises(AttributeError, match=f"plenoptic has no {name}; see .*{similar}"):
+            getattr(pl, name)
+
+
 def test_namespaces_work_in_all_forms_of_import():
     pairs = [(space, public_names.names_of(module)[0]) for space, module in SPACES.items()]
     assert len(pairs) > 20

@@ -81,12 +81,13 @@ def sensor_tiles(shape: tuple[int, int], rows: int, columns: int) -> tuple[tuple
 
 def warn_if_implausible(camera: PlenopticCamera) -> None:
     """Issue one warning that names all implausible parameters; none for a camera that can be built."""
-    values = "; ".join(_implausible_values(camera))
+    values = "; ".join(implausible_values(camera))
     if values:
         warn(f"this camera is hardly what was meant: {values}", ImplausibleCameraWarning)
 
 
-def _implausible_values(camera: PlenopticCamera) -> Iterator[str]:
+def implausible_values(camera: PlenopticCamera) -> Iterator[str]:
+    """Sentences about parameters that no real camera has."""
     sensor, array, q, z = camera.sensor, camera.microlenses, camera.sensor.pixel_pitch, camera.stop_to_microlenses
     size = f"the sensor is {sensor.size[1]:.4g} x {sensor.size[0]:.4g} mm large"
     if q * 1e6 < SMALLEST * camera.wavelength:

@@ -203,19 +203,22 @@ def opening_width(array: MicrolensArray) -> float:
     return min(width, neighbour_distance(array)) if array.lattice is Lattice.FREE else width
 
 
+def check_real_image(lens: LensStack, z: float, wavelength: float, name: str = "z") -> None:
+    """Raise an InvalidValueError if the plane z in mm has no real image behind the lens."""
+    if not z < 0:
+        raise InvalidValueError(f"{name} is {z:g} mm; the plane must lie in front of the camera, below 0")
+    if lens.model is not LensModel.NONE and z >= (focus := front_focus(lens, wavelength)):
+        raise InvalidValueError(
+            f"the plane {name} = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
+            f"at z = {focus:g} mm{metres_hint(z, focus)}"
+        )
+
+
 def focused_stop_to_microlenses(
     camera: PlenopticCamera, z: float, criterion: FocusCriterion, microlens_type: int | None = None
 ) -> float:
     """Distance in mm from iris to array at which the plane z of the camera's frame is in focus on the axis."""
-    z = number(z, "z")
-    if not z < 0:
-        raise InvalidValueError(f"z is {z} mm; the plane must lie in front of the camera, at z below 0")
-    focus = front_focus(camera.lens, camera.wavelength)
-    if z >= focus:
-        raise InvalidValueError(
-            f"the plane z = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
-            f"at z = {focus:g} mm{metres_hint(z, focus)}"
-        )
+    check_real_image(camera.lens, number(z, "z"), camera.wavelength)
     image = best_focus(camera.lens, z_object=z, wavelength=camera.wavelength, criterion=criterion)
     if not math.isfinite(image):
         raise InvalidValueError(

@@ -22,6 +22,8 @@ NOTHING = (0.72, 0.80, 0.90)
 
 COLOURS = ("#1f5fbf", "#d55e00", "#009e73", "#cc79a7", "#444444", "#56b4e9", "#d9b500")
 """Of curves, in this order, told apart by the colour-blind (M. Okabe and K. Ito 2008, some of them darker)."""
+PANEL_GAP = 0.06
+"""Space between panels over their width, so that the label of a scale stands clear of the next panel's ticks."""
 _WARMEST = 0.78
 """Part of the colour map `plasma` that stands out against white: from blue over purple to orange."""
 
@@ -70,7 +72,8 @@ def figure_or_new(figure: Figure | None, size: tuple[float, float]) -> Figure:
         check_has(figure, "figure", "matplotlib Figure", "plt.figure()", "subplots")
         return figure
     plt = pyplot()
-    new: Figure = plt.figure(figsize=size, layout="constrained")
+    new: Figure = plt.figure(figsize=size)
+    new.set_layout_engine("constrained", wspace=PANEL_GAP)
     new._repr_mimebundle_ = partial(_leave_pyplot, new)  # type: ignore[attr-defined]
     return new
 

@@ -133,6 +133,7 @@ def test_the_stop_keeps_its_shape_and_the_array_what_it_has():
     assert focused.stop_to_microlenses == pytest.approx(result.camera.stop_to_microlenses, rel=2e-8)
 
 
+@pytest.mark.filterwarnings("ignore::plenoptic.errors.ImplausibleCameraWarning")  # pixels of 10 nm
 def test_micrometre_lenses_and_kilometres():
     for scale in (1e-3, 1e3):
         front = pl.Surface(50.0 * scale, 4.0 * scale, pl.ConstantMedium(1.5), semi_diameter=12.0 * scale)
@@ -161,7 +162,12 @@ def test_impossible_targets():
         ({"virtual_depth": -4.0}, "above 0"),
         ({"virtual_depth": None, "disparity": 30.0, "pitch": None, "semi_diameter": 5.0}, "smaller disparity"),
         ({"z": 404.0}, "in front of the camera"),
-        ({"z": POINTS.front_focus}, "image at infinity"),
+        ({"z": POINTS.front_focus}, "no real image behind the lens"),
+        ({"z": -50.0}, "beyond the front focus at z = -"),
+        ({"z": -0.404}, "looks like metres: give -404"),
+        ({"depth_at": -50.0}, "the plane depth_at = -50 mm has no real image"),
+        ({"lens": LENS, "semi_diameter": 40.0, "pitch": None}, "limit it to 16.59 mm"),
+        ({"microlenses_to_sensor": 700.0, "virtual_depth": None}, "0.7 for 700 micrometres"),
         ({"depth_at": 0.0}, "in front of the camera"),
         ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at is the plane"),
         ({"kind": FIRST}, "another plane depth_at"),
@@ -185,6 +191,13 @@ def test_impossible_targets():
         targets = PLAIN | changes
         with refused(says):
             design(targets.pop("lens", PARAXIAL), **targets)
+
+
+def test_a_sensor_in_micrometres_is_told_by_the_design_and_the_report():
+    with pytest.warns(pl.errors.ImplausibleCameraWarning, match=r"give pixel_pitch \(5.5\) in mm"):
+        camera = design_camera(PARAXIAL, sensor=pl.Sensor((200, 200), 5.5), **PLAIN).camera
+    (finding,) = (f for f in camera_report(camera).warnings if f.kind.name == "IMPLAUSIBLE")
+    assert "give pixel_pitch (5.5) in mm" in str(finding)
 
 
 def test_limits_that_are_named_hold():

@@ -78,6 +78,7 @@ def test_reference_camera_in_mode_2():
 def test_reference_camera_in_mode_1():
     report = camera_report(camera_with(2.0, lens=the_lens(4.25)))
     assert report.kind is CameraKind.PLENOPTIC_1
+    assert "virtual depth" not in str(report) and "that see a point" not in str(report)
     assert report.image_pitch_pixels == pytest.approx(22.038, abs=5e-4)
     assert report.focus[0].image_distance == report.focus[0].virtual_depth == 0.0
     assert report.focus[0].z == pytest.approx(pl.paraxial.object_position(LENS, 123.3), rel=1e-14)

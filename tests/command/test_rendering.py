@@ -245,14 +245,21 @@ def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, 
 def test_estimates_are_printed_for_people_and_for_programs(capsys, refused):
     run("estimate wall.obj camera.json --samples 8 --seed 2 --tile 1/2 --time-limit 9 -o nowhere/a.exr")
     out = capsys.readouterr().out
-    for word in ("runs      intersection", "processor time ", "samples per pixel  8", "peak memory ", "checkpoint "):
+    for word in (
+        "aperture regions, ",
+        " others are left out",
+        "processor time ",
+        "samples per pixel  8",
+        "peak memory ",
+        "checkpoint ",
+    ):
         assert word in out
     run("estimate --white camera.json --samples 8 --json")
     found = json.loads(capsys.readouterr().out)
     assert set(found) == {"cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples"}
     assert found["samples"] == {"value": 8, "low": 8, "high": 8}
     assert all(0 < one["low"] <= one["value"] <= one["high"] for one in found.values())
-    assert "samples and target_error are both None" in refused("estimate wall.obj camera.json --time-limit 4")
+    assert "--samples and --target-error are missing" in refused("estimate wall.obj camera.json --time-limit 4")
 
 
 def test_tiles_are_as_square_as_can_be_and_the_missing_ones_are_found():

@@ -34,6 +34,16 @@ def test_panels_are_those_that_exist():
     given.canvas.draw()
 
 
+def test_labels_of_scales_stand_clear_of_the_next_panel():
+    """By more than half a letter, 5 pixels at 100 dots an inch."""
+    image = np.random.default_rng(1).random((160, 200, 1))
+    figure = pl.plots.plot_exposure(pl.Exposure(image, standard_error=0.01 * image))
+    figure.canvas.draw()
+    boxes = {ax.get_title() or f"scale {k}": ax.get_tightbbox() for k, ax in enumerate(figure.axes)}
+    (scale, _) = (box for name, box in boxes.items() if name.startswith("scale"))
+    assert boxes["detail"].x0 - scale.x1 > 5.0
+
+
 def test_axes_count_pixels_of_the_sensor_and_depth_is_blank_where_nothing_is_met():
     panels = _panels(_shot(region=(100, 106, 200, 208)))
     for ax in panels.values():

@@ -9,6 +9,7 @@ import dataclasses
 import math
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.checks import warn_if_implausible
 from plenoptic.camera.design.equations import (
     FIELDS,
     DesignTargets,
@@ -21,6 +22,7 @@ from plenoptic.camera.design.equations import (
     template_array,
 )
 from plenoptic.camera.gaussian import CameraKind, image_plane, neighbour_distance, paraxial_cone, sharp_image
+from plenoptic.camera.report.findings import CUT
 from plenoptic.camera.report.illumination import clear_pupil, touching_fill, with_semi_diameter
 from plenoptic.core.values import check_kind, choice, length_in_mm, positive, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
@@ -135,7 +137,13 @@ class Search:
                 f"the plane z = {targets.z:g} mm, or depth_at, has its image at infinity; choose another, or a lens "
                 "with a focal length"
             )
-        position = max(self.fixed.get("L", image), end + 1e-3 * (abs(image) + abs(end) + lens.stop.semi_diameter))
+        distance, b = self.fixed.get("L", image), self.fixed.get("b", 0.0)
+        if lens.model is not LensModel.NONE and b > distance > 0:
+            raise InvalidValueError(
+                f"microlenses_to_sensor is {b:g} mm, and the main lens's image is {distance:.4g} mm behind the iris; "
+                "give it in mm, as 0.7 for 700 micrometres"
+            )
+        position = max(distance, end + 1e-3 * (abs(image) + abs(end) + lens.stop.semi_diameter))
         fill = self._fill(None)
         for _ in range(_ROUNDS):
             cone = paraxial_cone(lens, position, self.wavelength)
@@ -207,6 +215,15 @@ class Search:
     def _clear_iris(self, camera: PlenopticCamera) -> float:
         """Semi-diameter in mm of the iris that rims and other stops leave clear."""
         return clear_pupil(camera.lens, camera.stop_to_microlenses, self.wavelength)[1]
+
+    def check_iris(self, camera: PlenopticCamera) -> None:
+        """Raise an InvalidValueError if rims and other stops vignette the given iris."""
+        given, limit = camera.lens.stop.semi_diameter, self._clear_iris(camera)
+        if limit < (1.0 - CUT) * given:
+            raise InvalidValueError(
+                f"semi_diameter is {given:g} mm, but rims and other stops of the lens limit it to {limit:.4g} mm; "
+                "give less"
+            )
 
     def _vignetting_message(self, camera: PlenopticCamera, fill: float, semi_diameter: float, tolerance: float) -> str:
         limit, largest_fill = self._limits(camera, tolerance)
@@ -322,8 +339,8 @@ def design_camera(  # noqa: PLR0913
     check_kind(sensor, "sensor", Sensor, "pl.Sensor((512, 512), 0.01)")
     kind = choice(kind, CameraKind, "kind")
     targets = DesignTargets(kind, z, depth_at, image_fill, virtual_depth, disparity, sensor.pixel_pitch)
-    check_targets(targets, lens)
     wave = wavelength_in_nm(wavelength)
+    check_targets(targets, lens, wave)
     template = template_array(microlenses, pitch, focal_length, lattice)
     lengths = {"h": semi_diameter, "L": stop_to_microlenses, "b": microlenses_to_sensor}
     fixed = {u: length_in_mm(x, FIELDS[u]) for u, x in lengths.items() if x is not None}
@@ -338,4 +355,8 @@ def design_camera(  # noqa: PLR0913
     check_count(targets, fixed)
     best = choice(criterion, FocusCriterion, "criterion")
     search = Search(lens, sensor, targets, fixed, template, best, wave)
-    return search.run(positive(tolerance, "tolerance"))
+    design = search.run(positive(tolerance, "tolerance"))
+    if semi_diameter is not None:
+        search.check_iris(design.camera)
+    warn_if_implausible(design.camera)
+    return design

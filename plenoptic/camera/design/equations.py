@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from plenoptic.camera.gaussian import CameraKind
+from plenoptic.camera.gaussian import CameraKind, check_real_image
 from plenoptic.core.values import check_kind, choice, number, positive
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.matrices import over
@@ -72,8 +72,8 @@ class DesignTargets:
         return ["kind", *required] if self.kind is CameraKind.PLENOPTIC_1 else required
 
 
-def check_targets(targets: DesignTargets, lens: LensStack) -> None:
-    """Raise an InvalidValueError for targets that contradict each other."""
+def check_targets(targets: DesignTargets, lens: LensStack, wavelength: float) -> None:
+    """Raise an InvalidValueError for targets that contradict each other, or planes without a real image."""
     kind, z, depth_at = targets.kind, targets.z, targets.depth_at
     if kind is CameraKind.CONVENTIONAL:
         raise InvalidValueError(
@@ -85,8 +85,8 @@ def check_targets(targets: DesignTargets, lens: LensStack) -> None:
             "lens.with_model(LensModel.NONE), and all others another model"
         )
     for name, plane in (("z", z), ("depth_at", depth_at)):
-        if plane is not None and not number(plane, name) < 0:
-            raise InvalidValueError(f"{name} is {plane:g} mm; the plane must lie in front of the camera, below 0")
+        if plane is not None:
+            check_real_image(lens, number(plane, name), wavelength, name)
     for name in ("image_fill", "virtual_depth", "disparity"):
         if getattr(targets, name) is not None and not isinstance(getattr(targets, name), ImageFill):
             positive(getattr(targets, name), name)

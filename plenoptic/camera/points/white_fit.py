@@ -109,6 +109,13 @@ class CameraFit:
     pitch_ratio: float
     residual: float
 
+    def __repr__(self) -> str:
+        x, y = self.shift / self.camera.sensor.pixel_pitch
+        return (
+            f"CameraFit(shift ({x:.3f}, {y:.3f}) pixels, turn {math.degrees(self.turn):.5f} degrees, pitch ratio "
+            f"{self.pitch_ratio:.7g}, residual {self.residual:.2g} pixels)"
+        )
+
 
 def lattice_shift(
     camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres, *, trace: bool = False

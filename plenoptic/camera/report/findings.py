@@ -8,6 +8,7 @@ import operator
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
+from plenoptic.camera.checks import implausible_values
 from plenoptic.camera.gaussian import CameraKind, neighbour_distance, opening_width
 from plenoptic.camera.report.illumination import clear_pupil, touching_fill, with_semi_diameter
 from plenoptic.core.values import choice, set_field, value
@@ -68,6 +69,8 @@ class CameraFindingKind(enum.IntEnum):
     """Rims cut off micro images at the corner of the sensor."""
     OUT_OF_PLACE = 12
     """Parts are displaced from the design, to which the report refers."""
+    IMPLAUSIBLE = 13
+    """A number that no real camera has, as from mistaken units."""
     DEPTH_GAP = 11
     """Between the depths of field of the types of microlenses lies a range that is sharp for none."""
 
@@ -122,6 +125,7 @@ def _lens_rows(camera: PlenopticCamera, report: CameraReport) -> Rows:
             any(placement is not None for placement in placements),
             "parts are displaced from the design, to which this report refers; see pl.camera.as_built(camera)",
         ),
+        CameraFindingKind.IMPLAUSIBLE: (bool(implausible := "; ".join(implausible_values(camera))), implausible),
         CameraFindingKind.INSIDE_LENS: (
             gap < 0,
             f"the {part} is {-gap:.3g} mm inside the rim of the last surface; increase stop_to_microlenses by more",

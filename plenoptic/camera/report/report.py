@@ -228,15 +228,18 @@ def report_sections(report: CameraReport) -> list[tuple[str, list[ReportRow]]]:
     """Titles and rows of the sections of a report, with all numbers that apply to the camera."""
     titles = (_LENS,) if report.microlenses is None else (_LENS, _IMAGES)
     sections = [(title, _rows(report, title, plane="sensor" if len(titles) == 1 else "array")) for title in titles]
+    hidden = ("image_distance", "lenses_across", "lenses_seeing")
     for focus in report.focus:
         if focus.focal_length is None:
-            hidden = ("image_distance", "lenses_across", "lenses_seeing")
             sections.append(("focus", _rows(focus, hidden=hidden)))
         else:
             of_type = f"type {focus.type}, " if len(report.focus) > 1 else ""
             title = f"focus of microlenses ({of_type}f = {focus.focal_length:g} mm, {focus.kind.name})"
-            first = focus.kind is CameraKind.PLENOPTIC_1
-            sections.append((title, _rows(focus, views="microlenses per view" if first else "pixels per microlens")))
+            if focus.kind is CameraKind.PLENOPTIC_1:  # images stand on the array: no neighbour sees the point
+                rows = _rows(focus, hidden=("virtual_depth", *hidden), views="microlenses per view")
+            else:
+                rows = _rows(focus, views="pixels per microlens")
+            sections.append((title, rows))
     return sections
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from plenoptic.plots.canvas import PANEL_GAP
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -35,7 +37,7 @@ def picture_html(
         from matplotlib.layout_engine import ConstrainedLayoutEngine
     except ImportError:
         return text_html(text)
-    figure = Figure(figsize=size, dpi=DOTS, layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06))
+    figure = Figure(figsize=size, dpi=DOTS, layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06, wspace=PANEL_GAP))
     canvas = FigureCanvasAgg(figure)
     draw(figure)
     canvas.draw()

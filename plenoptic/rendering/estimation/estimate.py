@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import textwrap
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -117,7 +118,9 @@ class Estimate:
             ("EXR file", _text(self.file_size, 1e6, "MB")),
             ("checkpoint", _text(self.checkpoint_size, 1e6, "MB")),
         ]
-        return "\n".join([*(f"{name:<18} {text}" for name, text in rows), repr(self.plan)])
+        stages = [decision.name for decision in self.plan.decisions if decision.runs]
+        rows.append(("stages", f"{', '.join(stages)}; {len(self.plan.decisions) - len(stages)} others are left out"))
+        return "\n".join(textwrap.fill(f"{name:<18} {text}", 110, subsequent_indent=19 * " ") for name, text in rows)
 
 
 def estimate(  # noqa: PLR0913
@@ -153,8 +156,7 @@ def estimate(  # noqa: PLR0913
     Returns
     -------
     Estimate
-        Printing it shows the plan, too. Times hold for this machine under its present load. The progress bar of a
-        render of the same scene and camera objects with the same arguments starts with this time.
+        Times hold for this machine under its present load. The bar of a render with the same arguments starts with it.
 
     Raises
     ------

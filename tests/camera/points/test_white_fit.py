@@ -80,6 +80,7 @@ def test_the_fitted_camera_is_the_one_that_took_the_image(name):
     # Noise: some 0.02 pixels in nine patches, three times as much in the corners.
     assert max(np.abs(found[index] - truth[index]).max() for index in found if index in truth) < 0.1
     assert fit.shift == pytest.approx([0.03, -0.05], abs=6e-4)
+    assert f"pitch ratio {fit.pitch_ratio:.7g}, residual" in repr(fit) and len(repr(fit)) < 120
     assert [fit.turn, fit.pitch_ratio] == pytest.approx([0.004, 1.002], abs=4e-4) and fit.residual < 0.06
 
 
