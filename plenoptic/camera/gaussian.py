@@ -206,7 +206,7 @@ def opening_width(array: MicrolensArray) -> float:
 def check_real_image(lens: LensStack, z: float, wavelength: float, name: str = "z") -> None:
     """Raise an InvalidValueError if the plane z in mm has no real image behind the lens."""
     if not z < 0:
-        raise InvalidValueError(f"{name} is {z:g} mm; the plane must lie in front of the camera, below 0")
+        raise InvalidValueError(f"{name} is {z:g} mm; the plane must lie in front of the camera, at z below 0")
     if lens.model is not LensModel.NONE and z >= (focus := front_focus(lens, wavelength)):
         raise InvalidValueError(
             f"the plane {name} = {z:g} mm has no real image behind the lens; it must lie beyond the front focus "
