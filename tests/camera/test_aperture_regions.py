@@ -11,7 +11,7 @@ import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.camera.sampling.kernels.camera_samples import aim_sample
-from plenoptic.camera.sampling.kernels.region_polygons import ROUND_SCALE
+from plenoptic.camera.sampling.kernels.round_pieces import ROUND_SCALE
 from plenoptic.camera.sampling.region_bounds import openings
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
 from plenoptic.core.numba.jit import kernel

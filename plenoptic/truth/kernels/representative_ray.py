@@ -6,14 +6,10 @@ import math
 
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.aimed_rays import displaced_point, set_aimed_ray
 from plenoptic.camera.sampling.kernels.camera_samples import aim_sample
 from plenoptic.camera.sampling.kernels.candidates import crossing, polar
-from plenoptic.camera.sampling.kernels.unvignetted_core import (
-    MAX_CLIPPED_CORNERS,
-    displaced_point,
-    fill_clipped_piece,
-    set_aimed_ray,
-)
+from plenoptic.camera.sampling.kernels.unvignetted_core import MAX_CLIPPED_CORNERS, fill_clipped_piece
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel

@@ -6,23 +6,22 @@ import math
 
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.aimed_rays import displaced_point, set_aimed_ray
 from plenoptic.camera.sampling.kernels.path_numbers import DEFLECTION_SET, WAVELENGTH_SET, path_indices, replicate_size
-from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES, ROUND_CORNERS, ROUND_SCALE
+from plenoptic.camera.sampling.kernels.region_polygons import MAX_PIECES
+from plenoptic.camera.sampling.kernels.round_pieces import aim_round_run, point_in_ellipse
 from plenoptic.camera.sampling.kernels.unvignetted_core import (
     MAX_CLIPPED_CORNERS,
     MAX_RIMS,
     SplitRegion,
     aim_with_core,
-    displaced_point,
     fill_clipped_piece,
-    set_aimed_ray,
     split_region,
 )
 from plenoptic.camera.sampling.sampling_records import FAR, GROUP_SIDE
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BENT_IN, BLOCK, MISSED, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
-from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.sobol import (
     DIMENSIONS,
     mix,
@@ -65,20 +64,6 @@ def _first_exceeding(pieces, low, high, area):
 
 
 @device
-def _point_in_ellipse(corners, first, u, v):
-    """Point of the ellipse of a round piece, uniformly by area."""
-    opposite, right, left = first + ROUND_CORNERS // 2, first + ROUND_CORNERS // 4, first + 3 * ROUND_CORNERS // 4
-    c, s = turn(v)
-    r = 0.5 * math.sqrt(u) / ROUND_SCALE
-    c, s = r * c, r * s
-    x = 0.5 * (corners[0, first] + corners[0, opposite])
-    y = 0.5 * (corners[1, first] + corners[1, opposite])
-    x += c * (corners[0, first] - corners[0, opposite]) + s * (corners[0, right] - corners[0, left])
-    y += c * (corners[1, first] - corners[1, opposite]) + s * (corners[1, right] - corners[1, left])
-    return x, y
-
-
-@device
 def aim_sample(ray, i, regions, region, start, random):
     """Aim path i at a point of a region that is not clipped, uniformly by area; return the index of its piece.
 
@@ -97,7 +82,7 @@ def aim_sample(ray, i, regions, region, start, random):
     piece = pieces[k]
     if piece.is_round == 1:
         part = remainder / (piece.area - (pieces[k - 1].area if k > low else 0.0))
-        point = _point_in_ellipse(regions.corners, piece.first_corner, part, random[1])
+        point = point_in_ellipse(regions.corners, piece.first_corner, part, random[1])
     else:
         point = point_in(regions.corners, piece.first_corner, piece.corners, remainder, random[1])
     set_aimed_ray(ray, i, piece, displaced_point(piece, point, start[1]), start[0], total_area)
@@ -261,6 +246,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
     pixel = illuminated.pixel
     n_distant = 0
     u = np.empty((DIMENSIONS, net.shape[1]))
+    points = np.empty((4, BLOCK))
     polygon = np.empty((3, MAX_PIECES * MAX_CLIPPED_CORNERS))
     counts, areas = np.empty(MAX_PIECES, np.int64), np.empty(MAX_PIECES)
     if core is not None:
@@ -282,6 +268,13 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
         if sources is not None:
             deflection_key = set_key(stream(batch.seed, number[p], batch.first_stream + replicate), DEFLECTION_SET)
         source, low, high, constant = _UNSET, 0, 0, False
+        if core is None and details is None and sources is None and illuminated.kernel is None and pixel.skew is None:
+            low, high = first[p], first[p + 1]
+            if high == low + 1 and pieces[low].is_round == 1:
+                place = low, pixel, (centres[p, 0], centres[p, 1])
+                aim_round_run(blocks, path - start, run, points, u, regions, place)
+                path += run
+                continue
         for k in range(run):
             at = path - start + k
             ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from plenoptic.camera.sampling.kernels.candidates import set_box
+from plenoptic.camera.sampling.kernels.round_pieces import ROUND_CORNERS, fill_motion, fill_round_piece
 from plenoptic.core.kernels.polygons import area_of, cut
 from plenoptic.core.numba.jit import device, kernel
 
@@ -28,10 +29,6 @@ MAX_CORE_PLANES = 48
 """Most planes of a piece with an unvignetted core; pieces with more have none."""
 _TANGENTS, _SAGITTA = 24, 0.01
 """Tangents around a circle, and the sagitta between them as a fraction of the extent of the light."""
-ROUND_CORNERS = 24
-"""Corners of the polygon of a round piece, a multiple of 4."""
-ROUND_SCALE = math.sqrt(math.pi / (0.5 * ROUND_CORNERS * math.sin(2.0 * math.pi / ROUND_CORNERS)))
-"""Its circumscribed circle over the ellipse of the same area."""
 A, B, LIMIT, S, T, GAP, NUMBERS = range(7)
 """Columns of a plane: see `PLANE`."""
 
@@ -146,7 +143,7 @@ def fill_moving_box(box, motion, transfer, candidate, shape, half):
     det = transfer.x_by_x * transfer.y_by_y - transfer.x_by_y * transfer.y_by_x
     if abs(det) * candidate.half_x * candidate.half_y <= transfer.margin * transfer.margin:
         return 0
-    _fill_motion(motion, transfer, det)
+    fill_motion(motion, transfer, det)
     by_x = abs(motion[0]) * half[0] + abs(motion[1]) * half[1]
     by_y = abs(motion[2]) * half[0] + abs(motion[3]) * half[1]
     left, right = -polygon_reach(polygon, n, -1.0, 0.0) - by_x, polygon_reach(polygon, n, 1.0, 0.0) + by_x
@@ -154,50 +151,6 @@ def fill_moving_box(box, motion, transfer, candidate, shape, half):
     box[0, 0], box[0, 1], box[0, 2], box[0, 3] = left, right, right, left
     box[1, 0], box[1, 1], box[1, 2], box[1, 3] = low, low, high, high
     return 4
-
-
-@device
-def _fill_motion(motion, transfer, det):
-    """Motion over the pixel of the image of an opening, a matrix; `det` is the determinant of the transfer."""
-    motion[0] = (transfer.x_by_y * transfer.y_by_u - transfer.y_by_y * transfer.x_by_u) / det
-    motion[1] = (transfer.x_by_y * transfer.y_by_v - transfer.y_by_y * transfer.x_by_v) / det
-    motion[2] = (transfer.y_by_x * transfer.x_by_u - transfer.x_by_x * transfer.y_by_u) / det
-    motion[3] = (transfer.y_by_x * transfer.x_by_v - transfer.x_by_x * transfer.y_by_v) / det
-
-
-@device
-def fill_round_piece(polygon, motion, transfer, candidate, corners, where):
-    """Polygon of the area of the image of a round opening, if all of that lies in the cell for all points of the pixel.
-
-    Returns the area of the image, an ellipse that moves over the pixel; 0 if it is none. `where` is a rectangle of the
-    sensor as in `fill_planes`.
-    """
-    (u, v), half = where
-    det = transfer.x_by_x * transfer.y_by_y - transfer.x_by_y * transfer.y_by_x
-    radius = transfer.radius + transfer.margin
-    if transfer.edges > 0 or abs(det) * candidate.half_x * candidate.half_y <= transfer.margin * transfer.margin:
-        return 0.0
-    _fill_motion(motion, transfer, det)
-    x = (transfer.x_by_y * transfer.y - transfer.y_by_y * transfer.x) / det + motion[0] * u + motion[1] * v
-    y = (transfer.y_by_x * transfer.x - transfer.x_by_x * transfer.y) / det + motion[2] * u + motion[3] * v
-    for q in range(candidate.corners):
-        corner, next_corner = candidate.first_corner + q, candidate.first_corner + (q + 1) % candidate.corners
-        a, b = corners[1, next_corner] - corners[1, corner], corners[0, corner] - corners[0, next_corner]
-        reach = (
-            radius
-            / abs(det)
-            * math.hypot(a * transfer.y_by_y - b * transfer.y_by_x, b * transfer.x_by_x - a * transfer.x_by_y)
-        )
-        reach += abs(a * motion[0] + b * motion[2]) * half[0] + abs(a * motion[1] + b * motion[3]) * half[1]
-        if a * (x - corners[0, corner]) + b * (y - corners[1, corner]) + reach > 0.0:
-            return 0.0
-    scale = ROUND_SCALE * radius / det
-    for q in range(ROUND_CORNERS):
-        angle = math.copysign(2.0 * math.pi * q / ROUND_CORNERS, det)
-        on_x, on_y = scale * math.cos(angle), scale * math.sin(angle)
-        polygon[0, q] = x + transfer.y_by_y * on_x - transfer.x_by_y * on_y
-        polygon[1, q] = y - transfer.y_by_x * on_x + transfer.x_by_x * on_y
-    return math.pi * radius * radius / abs(det)
 
 
 @kernel

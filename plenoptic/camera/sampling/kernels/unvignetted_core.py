@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.sampling.kernels.aimed_rays import displaced_point, set_aimed_ray
 from plenoptic.camera.sampling.kernels.region_polygons import MAX_CORE_PLANES, MAX_CORNERS, MAX_PLANES
 from plenoptic.core.kernels.polygons import area_of, cut, point_in
-from plenoptic.core.kernels.ray_blocks import MISSED, STATUS, WEIGHT, L, M, N, X, Y, Z
+from plenoptic.core.kernels.ray_blocks import MISSED, STATUS
 from plenoptic.core.numba.jit import device
 from plenoptic.core.values import Floats
 
@@ -38,27 +39,6 @@ class SplitRegion(NamedTuple):
     """(k, 2): area of the core times its transmission, and of all rims, mm^2."""
     rim_areas: Floats
     """(k, MAX_RIMS): area of the rim behind each plane, moved inwards; the first is the whole piece without a core."""
-
-
-@device
-def set_aimed_ray(ray, i, piece, point, start, area):
-    """Aim path i at a point of a piece, from its cell's centre; `area` is the weight of the sample in mm^2."""
-    mx, my = piece.cell_x + point[0], piece.cell_y + point[1]
-    ray[X + i] = mx
-    ray[Y + i] = my
-    ray[L + i] = mx - start[0]
-    ray[M + i] = my - start[1]
-    ray[Z + i] = piece.axis_x
-    ray[N + i] = piece.axis_y
-    ray[WEIGHT + i] = area
-    ray[STATUS + i] = 0.0
-
-
-@device
-def displaced_point(piece, point, in_pixel):
-    """Point of a piece from the centre of its cell, for the point `in_pixel` of a pixel."""
-    u, v = in_pixel
-    return point[0] + piece.xu * u + piece.xv * v, point[1] + piece.yu * u + piece.yv * v
 
 
 @device
