@@ -36,7 +36,8 @@ class View:
         Point of the pupil through which all light passes, in semi-diameters of the iris.
     camera : PlenopticCamera
     filled : (rows, columns) array of bool, or None
-        True for pixels that would be nan or show another surface without `fill=True`; None without it.
+        True for pixels replaced by `fill=True`, which without it are nan, show another surface, or are made from
+        unreliable disparities; None without it.
     """
 
     picture: NDArray[np.float32]

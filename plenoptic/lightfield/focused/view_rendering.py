@@ -91,7 +91,8 @@ def render_view(  # noqa: PLR0913
     fill : bool, optional
         Whether to interpolate unknown disparities of pixels, so that the picture has no holes: from those around them,
         of a `DepthMap` from those with confidence and small standard errors most, and across edges of the radiance
-        least. See `View.filled`; other pixels of the view do not change.
+        least. See `View.filled`; other pixels of the view do not change. Pixels at the border of a picture stay nan if
+        the raw image shows nothing there from this viewpoint.
     viewpoint : (float, float), optional
         Point of the pupil from which the scene is seen, to the right and up, in semi-diameters of the iris.
     aperture : float, optional
@@ -232,7 +233,7 @@ def render_views(
 def _sample_sets(
     rays: PixelRays, disparity: ArrayLike | DepthMap | None, z: float | None, fill: bool, spacing: float | None
 ) -> list[ViewSamples]:
-    """Samples of pixels whose disparity is known, and those of all pixels if unknown ones are to be filled."""
+    """Samples of pixels with measured disparities; to fill a view, also those of reliable ones, and of all pixels."""
     depth_map = disparity if isinstance(disparity, DepthMap) else None
     measured = disparity.disparity if isinstance(disparity, DepthMap) else disparity
     in_pitches, everywhere = _picture_focus(rays, measured, z)
@@ -251,16 +252,20 @@ def _sample_sets(
             is_known = placed if placed.any() else is_known
             trust = confidence / np.maximum(error / in_pitches / _SMALL_ERROR, 1.0) ** 2
         trust = np.where(is_known & np.isfinite(trust), trust, 0.0)
-        disparities = [np.where(is_known, in_pitches, np.nan), fill_disparities(rays, in_pitches, is_known, trust)]
+        if not np.array_equal(is_known, np.isfinite(in_pitches)):
+            disparities.append(np.where(is_known, in_pitches, np.nan))
+        disparities.append(fill_disparities(rays, in_pitches, is_known, trust))
     return [_picture_samples(rays, d, everywhere, width) for d in disparities]
 
 
 def _render_and_fill(samples: list[ViewSamples], viewpoint: tuple[float, float], aperture: float, threads: int) -> View:
-    """The view of the first samples; where it is empty or shows another surface, that of the second ones."""
+    """The view of the first samples; where it or that of reliable ones shows another surface or none, the last one."""
     view, *others = (_render_from_viewpoint(part, viewpoint, aperture, threads) for part in samples)
-    for whole in others:
-        near, near_whole = (_nearness_of_view(samples[0].rays, part.disparity) for part in (view, whole))
-        same = np.abs(near_whole - near) <= surface_depth(samples[0].rays.pupil, view.spacing)
+    if others:
+        whole = others[-1]
+        *measured, near_whole = (_nearness_of_view(samples[0].rays, part.disparity) for part in (view, *others))
+        depth = surface_depth(samples[0].rays.pupil, view.spacing)
+        same = np.all([np.abs(near_whole - near) <= depth for near in measured], axis=0)
         filled = np.isfinite(near_whole) & ~same
         planes = {"disparity": filled, "coverage": filled, "picture": filled[..., None]}
         if view.standard_error is not None:
