@@ -235,7 +235,8 @@ class PlenopticCamera:
         -------
         CameraFit
             The camera, the three changes, and the displacement that remains. Another distance from array to sensor
-            or pupil looks like another pitch.
+            or pupil looks like another pitch. Of displacements by steps of the lattice it is the least one that puts
+            microlenses of each focal length where the image shows them; a warning says if it does not show them.
 
         Raises
         ------

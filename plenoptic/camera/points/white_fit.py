@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +20,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.gaussian import model_pupil, paraxial_cone
 from plenoptic.camera.points.centroids import light_integrals, moment_points
 from plenoptic.core.values import Floats, check_has, result
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.microlens.aperture import Walls
@@ -122,8 +124,8 @@ def lattice_shift(
 ) -> LatticeShift | None:
     """Displacement of a white image's micro images from the CHIEF_RAY centres of a camera; None if none is found.
 
-    With `trace`, the light through the lens is traced even if the paraxial model fits. Steps of the whole lattice do
-    not change the image: the centre is displaced by the least possible.
+    With `trace`, the light through the lens is traced even if the paraxial model fits. Displacements that differ by
+    steps of the lattice are equivalent, except for the types of microlenses, which do not count: it is the least one.
     """
     array = camera.microlenses
     if array is None or array.lattice is Lattice.FREE or array.walls is Walls.OPAQUE:
@@ -166,11 +168,16 @@ def fit_camera(camera: PlenopticCamera, white: Exposure) -> CameraFit:
     for _ in range(_ROUNDS):
         if fitted.microlenses is None:
             raise InvalidValueError("the camera has no microlenses to be fitted; give it a MicrolensArray")
-        shift = lattice_shift(fitted, white, microlens_centres(fitted, progress=False), trace=True)
+        centres = microlens_centres(fitted, progress=False)
+        shift = lattice_shift(fitted, white, centres, trace=True)
         if shift is None:
             break
         if shift.largest < max(_CONVERGED, shift.standard_error):
-            return CameraFit(fitted, offset, angle, ratio, shift.residual)
+            steps = [shift._replace(shift=shift.shift + step) for step in _type_steps(fitted, white, centres)]
+            nearest = min(steps, key=lambda moved: float(np.hypot(*(offset + array_motion(fitted, moved)[0]))))
+            if nearest == shift:
+                return CameraFit(fitted, offset, angle, ratio, shift.residual)
+            shift = nearest
         step, turn, scale = array_motion(fitted, shift)
         x, y = fitted.microlenses.pitches
         pitch = (x * scale, y * scale) if isinstance(fitted.microlenses.pitch, tuple) else x * scale
@@ -181,6 +188,34 @@ def fit_camera(camera: PlenopticCamera, white: Exposure) -> CameraFit:
         "the array cannot be fitted: the white image shows no lattice of micro images near that of the camera; it "
         "needs some ten of them that do not fill their cells evenly, on a lattice and without walls"
     )
+
+
+def _type_steps(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres) -> list[complex]:
+    """Steps of the lattice in pixels with which the types of microlenses fit an image best; 0 if it shows no types."""
+    array = camera.microlenses
+    assert array is not None
+    if not array.model.focuses or len(set(array.focal_lengths)) == 1:
+        return [0j]
+    periods, patches = np.array(array.type_pattern.shape), _patches(camera, white, centres, 1)
+    # Types change the coefficients between the orders of the lattice, at multiples of 1 / period.
+    orders = np.array([(i, j) for i in range(4 * periods[0]) for j in range(-3 * periods[1], 3 * periods[1] + 1)])
+    orders = orders[(orders % periods).any(axis=1)] / periods
+    to_frequency = np.linalg.inv(patches.basis).T
+    lengths, highest = np.hypot(*(orders @ to_frequency).T), _HIGHEST * np.hypot(*to_frequency.T).max()
+    patches = patches._replace(orders=orders[lengths < highest])
+    cells, steps = (np.array(list(product(*(range(first, n) for n in periods)))) for first in (0, -periods.max()))
+    waves = np.exp(-2j * np.pi * (patches.orders @ cells.T))
+    model = np.einsum("ck,kc->k", _paraxial_of_types(camera, patches)[array.type_pattern.ravel()], waves)
+    image = patches.of_whole_image()
+    correlation = ((image * model.conj()) @ np.exp(2j * np.pi * (patches.orders @ steps.T))).real
+    best, limit = correlation.max(), _MIN_CORRELATION * float(np.linalg.norm(image) * np.linalg.norm(model))
+    if not best > limit:
+        warn(
+            "the white image does not show which microlens has which focal length: the fitted array may be off by one "
+            "or more microlenses; compare it with an image of a known scene"
+        )
+        return [0j]
+    return list(to_complex(steps[correlation > (1.0 - 1e-9) * best] @ patches.basis).tolist())
 
 
 def array_motion(camera: PlenopticCamera, shift: LatticeShift) -> tuple[Floats, float, float]:
@@ -238,6 +273,18 @@ class _Patches(NamedTuple):
     def frequencies(self) -> Floats:
         """Compared spatial frequencies (k, 2), cycles per row and per column."""
         return np.asarray(self.orders @ np.linalg.inv(self.basis).T)
+
+    def of_whole_image(self) -> Complexes:
+        """Fourier coefficients (k,) of the whole image, around the microlens with index (0, 0)."""
+        shape, (row, column) = self.image.shape[:2], to_pixel(np.array(self.array_centre)) - self.first
+        light = np.nan_to_num(self.image.mean(axis=2, dtype=np.float64))
+        windows = [_hann(np.arange(n) - 0.5 * (n - 1), 0.5 * n) for n in shape]
+        offsets = np.arange(shape[0]) - row, np.arange(shape[1]) - column
+        down, across = (
+            w[:, None] * np.exp(-2j * np.pi * np.outer(x, f))
+            for w, x, f in zip(windows, offsets, self.frequencies.T, strict=True)
+        )
+        return np.asarray((down * ((light - light.mean()) @ across)).sum(axis=0))
 
     def displacements(self, image: Complexes, model: Complexes) -> Complexes:
         """Least displacements (p,) at which coefficients (p, k) correlate best; nan where the correlation is poor."""
@@ -306,7 +353,7 @@ class _Patches(NamedTuple):
         )
 
 
-def _hann(offset: Floats, half: int) -> Floats:
+def _hann(offset: Floats, half: float) -> Floats:
     return np.asarray(np.where(np.abs(offset) < half, np.cos(0.5 * np.pi * offset / half) ** 2, 0.0))
 
 
@@ -346,7 +393,14 @@ def _opening_and_powers(camera: PlenopticCamera) -> tuple[Floats, list[tuple[flo
 
 
 def _paraxial_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexes:
-    """Fourier coefficients (1, k) of the paraxial image of the iris, blurred by the openings of the microlenses."""
+    """Fourier coefficients (1, k) of the paraxial micro images of all types."""
+    return np.asarray(
+        np.array([[count for _, count in _opening_and_powers(camera)[1]]]) @ _paraxial_of_types(camera, patches)
+    )
+
+
+def _paraxial_of_types(camera: PlenopticCamera, patches: _Patches) -> Complexes:
+    """Fourier coefficients (types, k) of the paraxial image of the iris, blurred by the openings of the microlenses."""
     cone, b = paraxial_cone(camera.lens, camera.stop_to_microlenses, camera.wavelength), camera.microlenses_to_sensor
     z, size = model_pupil(camera)
     upright = not math.isfinite(z) or size * (camera.stop_to_microlenses - z) > 0
@@ -355,12 +409,12 @@ def _paraxial_coefficients(camera: PlenopticCamera, patches: _Patches) -> Comple
     # Light from one side of the pupil falls onto the other side of the micro image.
     image = (-b if upright else b) * cone.slope * points
     offsets, powers = _opening_and_powers(camera)
-    total = np.zeros(len(patches.orders), dtype=complex)
-    for power, count in powers:
+    types = np.zeros((len(powers), len(patches.orders)), dtype=complex)
+    for row, (power, _) in zip(types, powers, strict=True):
         hits = (image[:, None] + (1.0 + b * (cone.vergence - power)) * offsets) / camera.sensor.pixel_pitch
         waves = np.exp(-2j * np.pi * (to_pixel(hits[..., 0] + 1j * hits[..., 1]) @ patches.frequencies.T))
-        total += count * (light @ waves.sum(axis=1))
-    return total[None]
+        row += light @ waves.sum(axis=1)
+    return types
 
 
 def _traced_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexes:

@@ -84,6 +84,16 @@ def test_the_fitted_camera_is_the_one_that_took_the_image(name):
     assert [fit.turn, fit.pitch_ratio] == pytest.approx([0.004, 1.002], abs=4e-4) and fit.residual < 0.06
 
 
+def test_fits_put_each_type_of_microlens_in_its_place():
+    """A displacement beyond half a pitch: the least one by the lattice alone permutes the focal lengths."""
+    for name, shift in (("parts out of place", (0.0, 0.13)), ("square, multi-focus, 2.0", (-0.13, 0.02))):  # mm
+        camera = RIGHT[name]
+        assert camera.fitted_to(white_of(moved(camera, shift=shift))).shift == pytest.approx(shift, abs=6e-4)
+    alike = camera_of(f=(2.0, 2.00001))
+    with pytest.warns(PlenopticWarning, match="which microlens has which focal length"):
+        alike.fitted_to(white_of(alike))
+
+
 def test_decoding_warns_of_another_camera_and_refuses_half_a_pitch():
     def decode(white, camera):
         pl.lightfield.decode(white, white, views=3, camera=camera)
