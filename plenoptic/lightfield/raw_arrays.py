@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
-from plenoptic.camera.points.white_fit import LatticeShift, array_motion, lattice_shift
+from plenoptic.camera.points.white_fit import LatticeShift, array_motion, lattice_shift, shows_lattice
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.core.warn import warn
@@ -117,29 +117,49 @@ def raw_arrays(shot: Exposure, white: Exposure, least_light: float, name: str = 
 
 
 def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera:
-    """The camera passed by the caller or stored in the shot; raise InvalidValueError without one."""
+    """The camera passed by the caller or stored in the shot; raise InvalidValueError without one that fits the shot."""
     chosen = shot.camera if camera is None else camera
     if not isinstance(chosen, PlenopticCamera):
         raise InvalidValueError("the shot names no camera; give camera=")
+    _check_size(shot, chosen, "shot")
     return chosen
 
 
-_last_shifts: LastResultCache[Exposure, list[tuple[PlenopticCamera, LatticeShift | None]]] = LastResultCache(
+def _check_size(exposure: Exposure, camera: PlenopticCamera, name: str) -> None:
+    """Raise InvalidValueError unless an exposure is that of the whole sensor, or of a region of it."""
+    (height, width), region = exposure.image.shape[:2], exposure.region
+    rows, columns = camera.sensor.shape
+    if (height, width) != (rows, columns) if region is None else region[1] > rows or region[3] > columns:
+        at = "" if region is None else f" from row {region[0]}, column {region[2]}"
+        raise InvalidValueError(
+            f"the image of {name} is {height} x {width}{at}, the sensor {rows} x {columns}; give region= of "
+            "Exposure, the part of the sensor that it shows, or the camera that took it"
+        )
+
+
+_last_shifts: LastResultCache[Exposure, list[tuple[PlenopticCamera, LatticeShift | None, bool]]] = LastResultCache(
     lambda _: []
 )
-"""The camera that was last compared with a white image, and the displacement, until the image is gone."""
+"""The camera last compared with a white image, the displacement, and `shows_lattice`, until the image is gone."""
 
 
 def check_white(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres | None = None) -> None:
     """Warn of a white image that shows its micro images beside those of the camera; raise above half a pitch.
 
-    `centres` are those of the camera by CHIEF_RAY, if the caller has computed them.
+    Warns as well if it shows no lattice. `centres` are those of the camera by CHIEF_RAY, if the caller has computed
+    them.
     """
+    _check_size(white, camera, "white")
     last = _last_shifts(white)
     if not last or last[0][0] is not camera:
         chief = microlens_centres(camera, CentreMethod.CHIEF_RAY, progress=False) if centres is None else centres
-        last[:] = [(camera, lattice_shift(camera, white, chief))]
-    shift = last[0][1]
+        last[:] = [(camera, lattice_shift(camera, white, chief), shows_lattice(camera, white, chief))]
+    _, shift, expected = last[0]
+    if shift is None and expected:
+        warn(
+            "the white image shows no lattice of micro images near that of the camera, and cannot be compared with it: "
+            "it may be saturated, turned, transposed, or of another camera; give one of render_white(camera)"
+        )
     if shift is None or not shift.is_significant:
         return
     (x, y), turn, ratio = array_motion(camera, shift)

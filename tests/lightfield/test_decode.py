@@ -235,7 +235,8 @@ def test_a_turned_array_shows_the_scene_upright():
         camera = built.moved(pl.CameraPart.MICROLENSES, shift=(0.1, -0.05, 0.0), tilt=(0.0, 0.0, 0.35))
         place = camera.sensor.centre_of(*np.mgrid[0:242, 0:242])
         shot = pl.Exposure((5 + place @ [0.7, -0.4])[:, :, None], camera=camera)
-        field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
+        with pytest.warns(pl.errors.PlenopticWarning, match="shows no lattice"):
+            field = decode(shot, pl.Exposure(np.ones((242, 242, 1))), views=1)
         x = field.origin[0] - field.spacing[0] * np.arange(field.views.shape[3])
         y = field.origin[1] + field.spacing[1] * np.arange(field.views.shape[2])
         radiance = field.centre[:, :, 0]
@@ -425,6 +426,7 @@ def test_impossible_calls_say_what_to_do():
     small = white_of(camera, 8, region=np.s_[0:40, 0:40])
     bent = dataclasses.replace(camera, diffraction=pl.Diffraction())
     bare = dataclasses.replace(camera, microlenses=None, microlenses_to_sensor=0.0)
+    beyond = pl.Exposure(white.image[30:], region=(40, 80, 0, 70), camera=camera)
     free = the_camera((70, 70), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0], [0.2, 0.0]])
     for call, message in (
         (lambda: decode(white, small), "render it for the same region"),
@@ -435,6 +437,10 @@ def test_impossible_calls_say_what_to_do():
         (lambda: decode(white, white, disparity=np.zeros((2, 3))), r"give that of the views, \(\d+, \d+\)"),
         (lambda: decode(dataclasses.replace(white, camera=None), white), "give camera="),
         (lambda: decode(white.image, white), "shot is an ndarray"),
+        (lambda: decode(pl.Exposure(white.image[::2, ::2], camera=camera), white), "35 x 35, the sensor 70 x 70"),
+        (lambda: decode(pl.Exposure(white.image[30:]), white, camera=camera), "shot is 40 x 70, the sensor 70 x 70"),
+        (lambda: decode(white, pl.Exposure(np.tile(white.image, (2, 2, 1)))), "white is 140 x 140, the sensor"),
+        (lambda: decode(beyond, beyond), "40 x 70 from row 40, column 0, the sensor 70 x 70"),
         (lambda: decode(white, dataclasses.replace(white, image=np.zeros((70, 70, 1)))), "black"),
         (lambda: decode(white, white, camera=bare), "no microlenses"),
         (lambda: decode(white, white, camera=free), "no lattice"),

@@ -41,6 +41,8 @@ _HIGHEST = 2.05
 """Limit of the compared spatial frequencies, over that of the lattice."""
 _MIN_CONTRAST, _MIN_CORRELATION = 0.003, 0.7
 """Amplitude of the lattice over the mean, and correlation with the model, below which a patch is not used."""
+_CLEAR_CONTRAST = 0.03
+"""The same amplitude of the model from which on any white image shows the lattice."""
 _TRIALS, _NEWTON = 12, 4
 """Displacements that are tried along each side of a cell, and steps of refinement."""
 _ACROSS, _NODES = 48, 10
@@ -127,10 +129,7 @@ def lattice_shift(
     With `trace`, the light through the lens is traced even if the paraxial model fits. Displacements that differ by
     steps of the lattice are equivalent, except for the types of microlenses, which do not count: it is the least one.
     """
-    array = camera.microlenses
-    if array is None or array.lattice is Lattice.FREE or array.walls is Walls.OPAQUE:
-        return None
-    if np.linalg.matrix_rank(centres.index - centres.index[:1]) < 2:
+    if not _has_lattice(camera, centres):
         return None
     patches = _patches(camera, white, centres, _PATCHES)
     steps = patches.displacements(patches.coefficients(), _paraxial_coefficients(camera, patches))
@@ -156,6 +155,23 @@ def lattice_shift(
         if shift is not None and np.abs(shift.at(z) - before).max() < _CONVERGED:
             return shift
     return None
+
+
+def shows_lattice(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres) -> bool:
+    """True if a white image of a camera has enough patches, and by the paraxial model enough contrast, to be compared."""
+    if not _has_lattice(camera, centres):
+        return False
+    patches = _patches(camera, white, centres, _PATCHES)
+    mean = _paraxial_coefficients(camera, patches._replace(orders=np.zeros((1, 2))))
+    contrast = np.linalg.norm(_paraxial_coefficients(camera, patches)) / abs(mean.item())
+    return bool(len(patches.pixel) >= _MIN_PATCHES and contrast > _CLEAR_CONTRAST)
+
+
+def _has_lattice(camera: PlenopticCamera, centres: MicrolensCentres) -> bool:
+    array = camera.microlenses
+    if array is None or array.lattice is Lattice.FREE or array.walls is Walls.OPAQUE:
+        return False
+    return bool(np.linalg.matrix_rank(centres.index - centres.index[:1]) == 2)
 
 
 def fit_camera(camera: PlenopticCamera, white: Exposure) -> CameraFit:
@@ -250,7 +266,7 @@ class _Patches(NamedTuple):
     basis: Floats
     """(2, 2): rows and columns of the steps from (i, j) to (i + 1, j) and (i, j + 1)."""
     array_centre: complex
-    orders: NDArray[np.int64]
+    orders: NDArray[np.int64] | Floats
     """(k, 2): orders of the compared spatial frequencies."""
     half: int
     """Half the side in pixels."""

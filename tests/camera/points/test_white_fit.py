@@ -94,7 +94,7 @@ def test_fits_put_each_type_of_microlens_in_its_place():
         alike.fitted_to(white_of(alike))
 
 
-def test_decoding_warns_of_another_camera_and_refuses_half_a_pitch():
+def test_decoding_warns_of_another_camera_and_of_none_and_refuses_half_a_pitch():
     def decode(white, camera):
         pl.lightfield.decode(white, white, views=3, camera=camera)
 
@@ -111,6 +111,10 @@ def test_decoding_warns_of_another_camera_and_refuses_half_a_pitch():
             warnings.simplefilter("error")
             read(white, RIGHT[name])
             read(white, moved(RIGHT[name], shift=(0.0008, 0.0)))  # 0.08 pixels
+        finer = np.tile(white.image[::2, ::2], (2, 2, 1))  # of half the pitch
+        for image in (np.ones_like(white.image), finer):
+            with pytest.warns(PlenopticWarning, match="shows no lattice of micro images near that of the camera"):
+                read(dataclasses.replace(white, image=image), RIGHT[name])
         for _ in range(2):
             with pytest.warns(PlenopticWarning, match=r"up to 0\.\d+ pixels .* shifted by .* turned by .* pitch mult"):
                 read(white, moved(RIGHT[name], shift=(0.0025, 0.0)))
