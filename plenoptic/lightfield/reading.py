@@ -20,7 +20,8 @@ from plenoptic.core.files.file_limits import DEFAULT, FileLimits, check_memory, 
 from plenoptic.core.files.float_maps import read_pfm
 from plenoptic.core.files.images import read_header, read_linear
 from plenoptic.core.values import file_path, whole
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileError, FileWarning, InvalidValueError
 from plenoptic.lightfield.depth_map import DepthMap
 from plenoptic.lightfield.views import LightField
 
@@ -116,7 +117,8 @@ def read_views(
     """Read a light field from a folder of views, ordered by the numbers in their names, row by row from the upper left.
 
     The Stanford archives and most others have this form. Names of three digits, `_` and three digits are those of JPEG
-    Pleno, which count columns first. If the rows are in reverse order, flip `views` of the result.
+    Pleno, which count columns first. If the rows are in reverse order, flip `views` of the result. If one number counts
+    the views, a warning names a missing one.
 
     Parameters
     ----------
@@ -160,6 +162,7 @@ def read_views(
         files.sort(key=lambda path: path.stem[-3:] + path.stem[:3])
     if len(files) != rows * columns:
         raise FileError(f"{str(source)!r} holds {len(files)} pictures; {rows} x {columns} views are {rows * columns}")
+    _warn_of_gap(files)
     return light_field(_read_view_files(files, (rows, columns), limits, encoding))
 
 
@@ -180,6 +183,20 @@ def _in_order(files: list[Path]) -> list[Path]:
                 "the views, with as many digits in all of them"
             )
     return by_number
+
+
+def _warn_of_gap(files: list[Path]) -> None:
+    """Warn if the names differ in one number alone, and one of its values is missing."""
+    columns = zip(*(_WHOLE.findall(file.stem) for file in files), strict=False)
+    varying = [[int(number) for number in column] for column in columns if len(set(column)) > 1]
+    steps = np.diff(varying[0]) if len(varying) == 1 else np.ones(1)
+    if 0 < steps.min() < steps.max():
+        k = int(steps.argmax())
+        warn(
+            f"number {varying[0][k] + steps.min()} is missing after {files[k].name!r}: views behind it may be out of "
+            "place; add the missing view, or number the views without a gap",
+            FileWarning,
+        )
 
 
 def read_eslf(

@@ -1,6 +1,7 @@
 """Imported light fields: round trips, distances, and refusal of damaged folders."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -85,8 +86,14 @@ def test_views_are_ordered_by_the_numbers_in_their_names(tmp_path):
         )
     ):
         write_views(tmp_path / str(case), names)
-        field = read_views(tmp_path / str(case), (3, 4), encoding=pl.images.Encoding.LINEAR)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            field = read_views(tmp_path / str(case), (3, 4), encoding=pl.images.Encoding.LINEAR)
         np.testing.assert_allclose(255 * field.views[:, :, 0, 0, 0].T, np.arange(12.0).reshape(3, 4), atol=1e-4)
+    gap = [f"view_{k}.png" for k in range(13) if k != 3]
+    write_views(tmp_path / "gap", gap)
+    with pytest.warns(FileWarning, match=r"number 3 is missing after 'view_2\.png'"):
+        read_views(tmp_path / "gap", (3, 4), encoding=pl.images.Encoding.LINEAR)
     for names, said in ((["a_0.5.png", "a_0.25.png"], "another by decimals"), (["a1.png", "a01.png"], "same numbers")):
         write_views(tmp_path / names[0], names)
         with pytest.raises(FileError, match=said):

@@ -158,7 +158,7 @@ def lattice_shift(
 
 
 def shows_lattice(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres) -> bool:
-    """True if a white image of a camera has enough patches, and by the paraxial model enough contrast, to be compared."""
+    """True if a white image of a camera has enough patches, and by the paraxial model the contrast, to be compared."""
     if not _has_lattice(camera, centres):
         return False
     patches = _patches(camera, white, centres, _PATCHES)
