@@ -44,7 +44,7 @@ class DepthMap:
     confidence : (H, W) array
         Fraction of the compared microlenses or views whose windows resemble that of the pixel, 0 to 1. For a raw
         image, the mean of this over the microlenses that see the point and agree on its depth, times the fraction that
-        agree; at most 0.5 if a single one sees it.
+        agree; at most 0.5 if a single one sees it. At most 0.7 within `window_radius` + 1 pixels of a farther surface.
     virtual_depth : (H, W) array
         Pitch / (disparity pixel pitch), negative for images in front of the array; nan for views.
     depth : (H, W) array

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.matching.consensus import limit_beside_edges, window_statistics
 from plenoptic.lightfield.matching.image_stack import (
     MIN_MARGIN,
     ImageStack,
@@ -75,7 +76,11 @@ def match_views(field: LightField, bounds: tuple[float, float], radius: int, mat
     inner = np.s_[0, margin:-margin, margin:-margin]
     matches = Matches(*(plane[inner] for plane in match_stack(with_margin(stack, margin), matcher, 1)))
     valid = np.isfinite(matches.standard_error) & np.isfinite(matches.disparity)
-    return Matches(*(np.where(valid, plane, np.nan) for plane in matches))
+    disparity, error, confidence = (np.where(valid, plane, np.nan) for plane in matches)
+    owner = np.zeros(valid.shape, dtype=np.int64)
+    _, farthest = window_statistics(-disparity, error, owner, radius)
+    at_edge = farthest > stack.reach[1] - disparity
+    return Matches(disparity, error, limit_beside_edges(confidence, at_edge))
 
 
 def _with_displacement(stack: ImageStack, model: ViewModel, indices: NDArray[np.int64]) -> ImageStack:

@@ -266,6 +266,21 @@ def test_slopes_of_epipolar_lines():
         assert np.isnan(depth_map.depth).all() and (depth_map.confidence[inside] > 0.9).all()
 
 
+def test_views_are_less_confident_beside_a_farther_surface():
+    """A card of disparity 0.8 before a wall of -0.5: within the radius of a window, and a pixel, depth may be wrong."""
+    far, near = field(-0.5), field(0.8)
+    u, v, row, column = np.ogrid[-2:3, -2:3, :40, :48]
+    on_card = (np.abs(row + 0.8 * v - 19.5) < 10) & (np.abs(column + 0.8 * u - 23.5) < 12)
+    # The card shows another part of the same waves.
+    views = np.where(on_card[..., None], near.views[::-1, ::-1, ::-1, ::-1], far.views)
+    card, confidence = on_card[2, 2], depth(dataclasses.replace(far, views=views)).confidence
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(card, 3), (7, 7))
+    is_rim, is_inner = card & ~around.all(axis=(2, 3)), np.lib.stride_tricks.sliding_window_view(card, (13, 13))
+    assert (confidence[is_rim] <= 0.7).mean() > 0.97 and np.count_nonzero(is_rim) == 20 * 24 - 14 * 18
+    assert (confidence[6:-6, 6:-6][is_inner.all(axis=(2, 3))] > 0.9).all()
+    assert (confidence[3:-3, 3:-3][~around.any(axis=(2, 3))[3:-3, 3:-3]] > 0.9).mean() > 0.95
+
+
 def test_splines_go_through_pixels_and_know_their_noise():
     """Along rows. Halfway along waves of five pixels they err by 1 %, and cubic convolution by 5 %."""
     noise = np.random.default_rng(3).standard_normal((4000, 25))

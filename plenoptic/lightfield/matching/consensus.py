@@ -62,15 +62,18 @@ def consensus(matches: Matches, micro: MicroImages, shape: tuple[int, ...], thre
     for pixels, agreed in zip(blocks, run_in_order(consensus_of, blocks, threads=threads), strict=True):
         result[:, pixels] = agreed
     value, error, confidence = result.reshape(3, *shape[:2])
-    scatter, farthest = _around(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
+    scatter, farthest = window_statistics(value, error, owner.reshape(shape[:2]), micro.stack.window_radius)
     excess = np.fmax(scatter - 2.0 * error**2, 0.0)
-    # Surfaces extend beyond their edges by up to the radius of a window.
-    at_edge = farthest > value + _EDGE * np.abs(value)
-    confidence = np.where(at_edge, np.fmin(confidence, CONFIDENCE_AT_EDGES), confidence)
+    confidence = limit_beside_edges(confidence, farthest > value + _EDGE * np.abs(value))
     return Matches(value, np.sqrt(error**2 + _BIAS_OVER_SCATTER**2 * excess), confidence)
 
 
-def _around(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> tuple[Floats, Floats]:
+def limit_beside_edges(confidence: Floats, at_edge: NDArray[np.bool_]) -> Floats:
+    """Confidence (H, W), at most 0.7 beside a farther surface: surfaces extend beyond their edges by up to a radius."""
+    return np.where(at_edge, np.fmin(confidence, CONFIDENCE_AT_EDGES), confidence)
+
+
+def window_statistics(values: Floats, errors: Floats, owner: NDArray[np.int64], radius: int) -> tuple[Floats, Floats]:
     """Mean squared difference (H, W) of a pixel's value from those in its window, and the largest value near it.
 
     Both within its micro image. Exact values count most: windows that show a part of an edge yield smooth, wrong values
