@@ -12,10 +12,12 @@ from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
+from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.displacement_table import DisplacementTable, chord_nodes, chord_of_values, displacement_tables
 from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
 from plenoptic.lightfield.matching.consensus import consensus
+from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
@@ -25,6 +27,8 @@ from plenoptic.rendering.exposure import Exposure
 
 _VIRTUAL_DEPTHS = (1.8, 25.0)
 _LARGEST = 1000.0
+_LOW_CONFIDENCE = 0.35
+"""Median confidence below which a warning says that the search range may be wrong."""
 
 
 @result
@@ -110,7 +114,8 @@ def depth(  # noqa: PLR0913
     Returns
     -------
     DepthMap
-        Depth of the pixels of the raw image, or of the central view.
+        Depth of the pixels of the raw image, or of the central view. A warning tells if the median confidence of a raw
+        image is as low as without the depth of the scene in the range that is searched.
 
     Raises
     ------
@@ -167,9 +172,9 @@ def depth(  # noqa: PLR0913
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
     raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
     camera, workers = camera_of(image, camera), thread_count(threads)
+    array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
     check_white(camera, white)
     with CallProgress("matching", kind="camera", show=progress):
-        array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
         model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
         tables = displacement_tables(camera, virtual_depths, workers)
         micro = micro_images(model, tables, raw, virtual_depths, radius)
@@ -181,7 +186,8 @@ def _depth_of_raw_image(
 ) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     matches = match_stack(micro.stack, matcher, model.threads)
-    disparity, error, confidence = consensus(matches, micro, raw.shot.shape, model.threads)
+    disparity, error, confidence = matches = consensus(matches, micro, raw.shot.shape, model.threads)
+    _check_confidence(matches)
     measured, pitch = np.isfinite(disparity[micro.row, micro.column]), micro.stack.pitch
     lit, lens = (micro.row[measured], micro.column[measured]), micro.lit[0][measured]
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
@@ -199,6 +205,16 @@ def _depth_of_raw_image(
     disparity[lit] = pitch * chord
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)
+
+
+def _check_confidence(matches: Matches) -> None:
+    """Warn if the median confidence of a raw image is as low as that of a search range without its depth."""
+    confidence = matches.confidence[np.isfinite(matches.disparity)]
+    if confidence.size and np.median(confidence) < _LOW_CONFIDENCE:
+        warn(
+            f"median confidence {np.median(confidence):.2g}: widen virtual_depth_range, which may not hold the scene, "
+            "unless it has little texture, or the image much noise"
+        )
 
 
 def _virtual_depths(camera: PlenopticCamera, bounds: tuple[float, float] | None) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import given, strategies
 import plenoptic as pl
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.gaussian import object_plane
-from plenoptic.errors import InvalidValueError
+from plenoptic.errors import InvalidValueError, PlenopticWarning
 from plenoptic.lightfield import depth, disparity_edges, disparity_scores
 from plenoptic.lightfield.displacement_table import (
     chord_nodes,
@@ -55,7 +56,9 @@ def edge():
 
 @pytest.fixture(scope="module")
 def depth_map(edge, white):
-    return depth(edge, white, threads=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return depth(edge, white, threads=1)
 
 
 def scores_of(camera, shot, depth_map):
@@ -162,7 +165,8 @@ def test_displacement_is_interpolated_as_it_is_traced():
 def test_without_texture_errors_are_large_and_confidence_is_low(white):
     """Noise resembles noise by chance; the stated error and confidence must show it."""
     flat = shown(CAMERA, scenes.plane(CAMERA, 4.5, 1, contrast=0.0))
-    depth_map = depth(flat, white)
+    with pytest.warns(PlenopticWarning, match="unless it has little texture"):
+        depth_map = depth(flat, white)
     where = scenes.near_centres(CAMERA, flat) & np.isfinite(depth_map.disparity)
     error = np.abs(depth_map.disparity - flat.truth.chord_disparity)[where]
     small_error = depth_map.standard_error[where] < 0.02 * depth_map.disparity[where]
@@ -279,6 +283,12 @@ def test_views_are_less_confident_beside_a_farther_surface():
     assert (confidence[is_rim] <= 0.7).mean() > 0.97 and np.count_nonzero(is_rim) == 20 * 24 - 14 * 18
     assert (confidence[6:-6, 6:-6][is_inner.all(axis=(2, 3))] > 0.9).all()
     assert (confidence[3:-3, 3:-3][~around.any(axis=(2, 3))[3:-3, 3:-3]] > 0.9).mean() > 0.95
+
+
+def test_a_range_without_the_depth_of_the_scene_is_warned_of(edge, white):
+    for wrong in ((20.0, 25.0), (400.0, 600.0), (-8.0, -2.0)):
+        with pytest.warns(PlenopticWarning, match=r"median confidence 0\.\d+: widen virtual_depth_range"):
+            depth(edge, white, virtual_depth_range=wrong)
 
 
 def test_splines_go_through_pixels_and_know_their_noise():
@@ -489,7 +499,8 @@ def test_the_order_of_focal_lengths_does_not_say_on_which_side_images_are(focal_
     white = pl.render_white(camera, samples=16, progress=False)
     depth_map = depth(shot, white)
     assert np.nanmedian(depth_map.disparity) == pytest.approx(np.nanmedian(shot.truth.chord_disparity), rel=0.03)
-    other = depth(shot, white, virtual_depth_range=(-25.0, -1.8))
+    with pytest.warns(PlenopticWarning, match="widen virtual_depth_range"):
+        other = depth(shot, white, virtual_depth_range=(-25.0, -1.8))
     assert not np.nanmax(other.disparity, initial=-1.0) > 0
 
 
