@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
-from plenoptic.camera.points.white_fit import LatticeShift, array_motion, lattice_shift, shows_lattice
+from plenoptic.camera.points.white_fit import LatticeShift, array_motion, has_contrast, lattice_shift
 from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.core.warn import warn
@@ -130,17 +130,16 @@ def _check_size(exposure: Exposure, camera: PlenopticCamera, name: str) -> None:
     (height, width), region = exposure.image.shape[:2], exposure.region
     rows, columns = camera.sensor.shape
     if (height, width) != (rows, columns) if region is None else region[1] > rows or region[3] > columns:
-        at = "" if region is None else f" from row {region[0]}, column {region[2]}"
         raise InvalidValueError(
-            f"the image of {name} is {height} x {width}{at}, the sensor {rows} x {columns}; give region= of "
-            "Exposure, the part of the sensor that it shows, or the camera that took it"
+            f"the image of {name} is {height} x {width}, its region {region}, the sensor {rows} x {columns}; give "
+            "region= of Exposure, the part of the sensor that it shows, or the camera that took it"
         )
 
 
 _last_shifts: LastResultCache[Exposure, list[tuple[PlenopticCamera, LatticeShift | None, bool]]] = LastResultCache(
     lambda _: []
 )
-"""The camera last compared with a white image, the displacement, and `shows_lattice`, until the image is gone."""
+"""The camera last compared with a white image, the displacement, and True without a lattice, while the image exists."""
 
 
 def check_white(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres | None = None) -> None:
@@ -153,9 +152,10 @@ def check_white(camera: PlenopticCamera, white: Exposure, centres: MicrolensCent
     last = _last_shifts(white)
     if not last or last[0][0] is not camera:
         chief = microlens_centres(camera, CentreMethod.CHIEF_RAY, progress=False) if centres is None else centres
-        last[:] = [(camera, lattice_shift(camera, white, chief), shows_lattice(camera, white, chief))]
-    _, shift, expected = last[0]
-    if shift is None and expected:
+        shift = lattice_shift(camera, white, chief)
+        last[:] = [(camera, shift, shift is None and has_contrast(camera, white, chief))]
+    _, shift, is_missing = last[0]
+    if is_missing:
         warn(
             "the white image shows no lattice of micro images near that of the camera, and cannot be compared with it: "
             "it may be saturated, turned, transposed, or of another camera; give one of render_white(camera)"

@@ -157,13 +157,13 @@ def lattice_shift(
     return None
 
 
-def shows_lattice(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres) -> bool:
+def has_contrast(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres) -> bool:
     """True if a white image of a camera has enough patches, and by the paraxial model the contrast, to be compared."""
     if not _has_lattice(camera, centres):
         return False
     patches = _patches(camera, white, centres, _PATCHES)
     mean = _paraxial_coefficients(camera, patches._replace(orders=np.zeros((1, 2))))
-    contrast = np.linalg.norm(_paraxial_coefficients(camera, patches)) / abs(mean.item())
+    contrast = np.linalg.norm(_paraxial_coefficients(camera, patches)) / np.linalg.norm(mean)
     return bool(len(patches.pixel) >= _MIN_PATCHES and contrast > _CLEAR_CONTRAST)
 
 
@@ -223,15 +223,14 @@ def _type_steps(camera: PlenopticCamera, white: Exposure, centres: MicrolensCent
     waves = np.exp(-2j * np.pi * (patches.orders @ cells.T))
     model = np.einsum("ck,kc->k", _paraxial_of_types(camera, patches)[array.type_pattern.ravel()], waves)
     image = patches.of_whole_image()
-    correlation = ((image * model.conj()) @ np.exp(2j * np.pi * (patches.orders @ steps.T))).real
-    best, limit = correlation.max(), _MIN_CORRELATION * float(np.linalg.norm(image) * np.linalg.norm(model))
-    if not best > limit:
+    match = ((image * model.conj()) @ np.exp(2j * np.pi * (patches.orders @ steps.T))).real
+    if not match.max() > _MIN_CORRELATION * np.linalg.norm(image) * np.linalg.norm(model):
         warn(
             "the white image does not show which microlens has which focal length: the fitted array may be off by one "
             "or more microlenses; compare it with an image of a known scene"
         )
         return [0j]
-    return list(to_complex(steps[correlation > (1.0 - 1e-9) * best] @ patches.basis).tolist())
+    return list(to_complex(steps[match > (1.0 - 1e-9) * match.max()] @ patches.basis).tolist())
 
 
 def array_motion(camera: PlenopticCamera, shift: LatticeShift) -> tuple[Floats, float, float]:
@@ -410,9 +409,8 @@ def _opening_and_powers(camera: PlenopticCamera) -> tuple[Floats, list[tuple[flo
 
 def _paraxial_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexes:
     """Fourier coefficients (1, k) of the paraxial micro images of all types."""
-    return np.asarray(
-        np.array([[count for _, count in _opening_and_powers(camera)[1]]]) @ _paraxial_of_types(camera, patches)
-    )
+    counts = np.array([[count for _, count in _opening_and_powers(camera)[1]]])
+    return np.asarray(counts @ _paraxial_of_types(camera, patches))
 
 
 def _paraxial_of_types(camera: PlenopticCamera, patches: _Patches) -> Complexes:
