@@ -15,8 +15,9 @@ from plenoptic.camera.assembly import ArrayAxes, array_axes, sensor_corners
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.points.centroids import lit_centroids
+from plenoptic.camera.points.micro_image_models import to_complex
 from plenoptic.camera.points.white_centroids import white_centroids
-from plenoptic.camera.points.white_fit import lattice_shift, to_complex
+from plenoptic.camera.points.white_fit import lattice_shift
 from plenoptic.core.display import picture_of
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, choice, coordinate, result

@@ -9,22 +9,25 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import array_axes
-from plenoptic.camera.gaussian import model_pupil, paraxial_cone
-from plenoptic.camera.points.centroids import light_integrals, moment_points
+from plenoptic.camera.points.micro_image_models import (
+    Complexes,
+    paraxial_coefficients,
+    paraxial_of_types,
+    to_complex,
+    to_pixel,
+    traced_coefficients,
+)
 from plenoptic.core.values import Floats, check_has, result
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.pupil.iris_points import square_grid
 from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.lattice import Lattice, polygon_moments
+from plenoptic.optics.microlens.lattice import Lattice
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -45,15 +48,11 @@ _CLEAR_CONTRAST = 0.03
 """The same amplitude of the model from which on any white image shows the lattice."""
 _TRIALS, _NEWTON = 12, 4
 """Displacements that are tried along each side of a cell, and steps of refinement."""
-_ACROSS, _NODES = 48, 10
-"""Points across the paraxial pupil, and on each line across the traced one."""
 _WRAPPED = 0.05
 """Residual in pitches above which patches differ by steps of the lattice."""
 _CONVERGED, _ROUNDS = 0.01, 8
 """Change of the displacement in pixels at which iterations end, and their largest number."""
 _HUBER, _REWEIGHTINGS = 1.5, 8
-
-Complexes: TypeAlias = NDArray[np.complex128]
 
 
 class LatticeShift(NamedTuple):
@@ -132,7 +131,7 @@ def lattice_shift(
     if not _has_lattice(camera, centres):
         return None
     patches = _patches(camera, white, centres, _PATCHES)
-    steps = patches.displacements(patches.coefficients(), _paraxial_coefficients(camera, patches))
+    steps = patches.displacements(patches.coefficients(), paraxial_coefficients(camera, patches.frequencies))
     shift = patches.fit(steps)
     if shift is not None and shift.residual > _WRAPPED * shift.pitch:
         shift = patches.fit(patches.unwrap(steps))
@@ -142,7 +141,10 @@ def lattice_shift(
         # White images at other stops of the same camera.
         camera = dataclasses.replace(camera, lens=white.camera.lens)
     patches = _patches(camera, white, centres, _TRACED_PATCHES)
-    traced, z = _traced_coefficients(camera, patches), to_complex(patches.pixel)
+    traced, z = (
+        traced_coefficients(camera, patches.frequencies, patches.lens_pixel, patches.on_array),
+        to_complex(patches.pixel),
+    )
     if shift is None:
         shift = patches.fit(patches.unwrap(patches.displacements(patches.coefficients(), traced)))
     for _ in range(_ROUNDS):
@@ -162,8 +164,8 @@ def has_contrast(camera: PlenopticCamera, white: Exposure, centres: MicrolensCen
     if not _has_lattice(camera, centres):
         return False
     patches = _patches(camera, white, centres, _PATCHES)
-    mean = _paraxial_coefficients(camera, patches._replace(orders=np.zeros((1, 2))))
-    contrast = np.linalg.norm(_paraxial_coefficients(camera, patches)) / np.linalg.norm(mean)
+    mean = paraxial_coefficients(camera, np.zeros((1, 2)))
+    contrast = np.linalg.norm(paraxial_coefficients(camera, patches.frequencies)) / np.linalg.norm(mean)
     return bool(len(patches.pixel) >= _MIN_PATCHES and contrast > _CLEAR_CONTRAST)
 
 
@@ -221,7 +223,7 @@ def _type_steps(camera: PlenopticCamera, white: Exposure, centres: MicrolensCent
     patches = patches._replace(orders=orders[lengths < highest])
     cells, steps = (np.array(list(product(*(range(first, n) for n in periods)))) for first in (0, -periods.max()))
     waves = np.exp(-2j * np.pi * (patches.orders @ cells.T))
-    model = np.einsum("ck,kc->k", _paraxial_of_types(camera, patches)[array.type_pattern.ravel()], waves)
+    model = np.einsum("ck,kc->k", paraxial_of_types(camera, patches.frequencies)[array.type_pattern.ravel()], waves)
     image = patches.of_whole_image()
     match = ((image * model.conj()) @ np.exp(2j * np.pi * (patches.orders @ steps.T))).real
     if not match.max() > _MIN_CORRELATION * np.linalg.norm(image) * np.linalg.norm(model):
@@ -239,16 +241,6 @@ def array_motion(camera: PlenopticCamera, shift: LatticeShift) -> tuple[Floats, 
     z = complex(shift.at(shift.array_centre)) * min(camera.microlenses.pitches) / shift.pitch
     turn = np.eye(2) if camera.sensor_placement is None else np.asarray(camera.sensor_placement.rotation)[:2, :2]
     return turn @ np.array([z.real, z.imag]), float(np.angle(1.0 + shift.linear)), abs(1.0 + shift.linear)
-
-
-def to_complex(pixel: Floats) -> Complexes:
-    """Rows and columns (..., 2) as x + iy (...): columns run towards -x, rows towards +y."""
-    return np.asarray(-pixel[..., 1] + 1j * pixel[..., 0])
-
-
-def to_pixel(z: Complexes) -> Floats:
-    """The inverse of `to_complex`."""
-    return np.stack([z.imag, -z.real], axis=-1)
 
 
 class _Patches(NamedTuple):
@@ -394,55 +386,3 @@ def _patches(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres
         centre[k] = weight @ (pixel - (index - index[lens]) @ basis) / weight.sum()
     first, middle = np.array(region[::2]), complex(to_complex(middle))
     return _Patches(white.image, first, centre, pixel[chosen], centres.on_array[chosen], basis, middle, orders, half)
-
-
-def _opening_and_powers(camera: PlenopticCamera) -> tuple[Floats, list[tuple[float, int]]]:
-    """Points of a microlens's opening from its centre (n, 2), mm, and the power and number of each type."""
-    array = camera.microlenses
-    assert array is not None
-    if not array.model.focuses:
-        return np.zeros((1, 2)), [(0.0, 1)]
-    counts = np.bincount(array.type_pattern.ravel(), minlength=len(array.focal_lengths)).tolist()
-    powers = [1.0 / length for length in array.focal_lengths_at(camera.wavelength)]
-    return moment_points(polygon_moments(array.opening.corners[None])[2][0]), list(zip(powers, counts, strict=True))
-
-
-def _paraxial_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexes:
-    """Fourier coefficients (1, k) of the paraxial micro images of all types."""
-    counts = np.array([[count for _, count in _opening_and_powers(camera)[1]]])
-    return np.asarray(counts @ _paraxial_of_types(camera, patches))
-
-
-def _paraxial_of_types(camera: PlenopticCamera, patches: _Patches) -> Complexes:
-    """Fourier coefficients (types, k) of the paraxial image of the iris, blurred by the openings of the microlenses."""
-    cone, b = paraxial_cone(camera.lens, camera.stop_to_microlenses, camera.wavelength), camera.microlenses_to_sensor
-    z, size = model_pupil(camera)
-    upright = not math.isfinite(z) or size * (camera.stop_to_microlenses - z) > 0
-    points, stop = square_grid(_ACROSS), camera.lens.stop
-    light = stop.transmission_at(*(stop.semi_diameter * points.T))
-    # Light from one side of the pupil falls onto the other side of the micro image.
-    image = (-b if upright else b) * cone.slope * points
-    offsets, powers = _opening_and_powers(camera)
-    types = np.zeros((len(powers), len(patches.orders)), dtype=complex)
-    for row, (power, _) in zip(types, powers, strict=True):
-        hits = (image[:, None] + (1.0 + b * (cone.vergence - power)) * offsets) / camera.sensor.pixel_pitch
-        waves = np.exp(-2j * np.pi * (to_pixel(hits[..., 0] + 1j * hits[..., 1]) @ patches.frequencies.T))
-        row += light @ waves.sum(axis=1)
-    return types
-
-
-def _traced_coefficients(camera: PlenopticCamera, patches: _Patches) -> Complexes:
-    """Fourier coefficients (p, k) of the light through single microlenses."""
-    array, axes, sensor, centre = camera.microlenses, array_axes(camera), camera.sensor, patches.lens_pixel
-    assert array is not None
-
-    def waves(lens: NDArray[np.int64], hit: Floats) -> Iterable[Floats]:
-        for phase in 2 * np.pi * ((sensor.pixel_of(hit) - centre[lens]) @ patches.frequencies.T).T:
-            yield np.cos(phase)
-            yield -np.sin(phase)
-
-    (offsets, powers), points = _opening_and_powers(camera), axes.local(patches.on_array)
-    total: Floats = np.zeros((len(points), 2 * len(patches.orders)))
-    for power, count in powers:
-        total += count * light_integrals(axes, array, points, power, offsets, waves, nodes=_NODES)
-    return np.asarray(total[:, ::2] + 1j * total[:, 1::2])

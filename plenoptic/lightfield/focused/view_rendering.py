@@ -91,8 +91,7 @@ def render_view(  # noqa: PLR0913
     fill : bool, optional
         Whether to interpolate unknown disparities of pixels, so that the picture has no holes: from those around them,
         of a `DepthMap` from those with confidence and small standard errors most, and across edges of the radiance
-        least. See `View.filled`; other pixels of the view do not change. Pixels at the border of a picture stay nan if
-        the raw image shows nothing there from this viewpoint.
+        least. See `View.filled`; other pixels of the view do not change, and its border may stay nan.
     viewpoint : (float, float), optional
         Point of the pupil from which the scene is seen, to the right and up, in semi-diameters of the iris.
     aperture : float, optional
@@ -265,8 +264,7 @@ def _render_and_fill(samples: list[ViewSamples], viewpoint: tuple[float, float],
         whole = others[-1]
         *measured, near_whole = (_nearness_of_view(samples[0].rays, part.disparity) for part in (view, *others))
         depth = surface_depth(samples[0].rays.pupil, view.spacing)
-        same = np.all([np.abs(near_whole - near) <= depth for near in measured], axis=0)
-        filled = np.isfinite(near_whole) & ~same
+        filled = np.isfinite(near_whole) & ~np.all(np.abs(near_whole - measured) <= depth, axis=0)
         planes = {"disparity": filled, "coverage": filled, "picture": filled[..., None]}
         if view.standard_error is not None:
             planes["standard_error"] = filled[..., None]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.points.white_fit import lattice_shift, to_complex
+from plenoptic.camera.points.micro_image_models import to_complex
+from plenoptic.camera.points.white_fit import lattice_shift
 from plenoptic.errors import InvalidValueError, PlenopticWarning
 
 LENS = pl.load_lens("double-gauss-100mm-f2")
