@@ -118,8 +118,8 @@ class Estimate:
             ("EXR file", _text(self.file_size, 1e6, "MB")),
             ("checkpoint", _text(self.checkpoint_size, 1e6, "MB")),
         ]
-        stages = [decision.name for decision in self.plan.decisions if decision.runs]
-        rows.append(("stages", f"{', '.join(stages)}; {len(self.plan.decisions) - len(stages)} others are left out"))
+        stages, every = [decision.name for decision in self.plan.decisions if decision.runs], len(self.plan.decisions)
+        rows.append(("stages", f"{', '.join(stages)}; {every - len(stages)} others are left out"))
         return "\n".join(textwrap.fill(f"{name:<18} {text}", 110, subsequent_indent=19 * " ") for name, text in rows)
 
 
@@ -391,9 +391,7 @@ def _about(number: float, part: float) -> Estimated:
 
 
 def _time_unit(seconds: float) -> tuple[float, str]:
-    if seconds < 100:
-        return 1.0, "s"
-    return (60.0, "min") if seconds < 6000 else (3600.0, "h")
+    return (1.0, "s") if seconds < 100 else (60.0, "min") if seconds < 6000 else (3600.0, "h")
 
 
 def _text(number: Estimated, unit: float, name: str) -> str:
