@@ -126,7 +126,7 @@ def displacement_tables(
         weighted = np.where(throughput[:, None, None] > 0, throughput[:, None, None] * (displacement - chief), 0.0)
         return np.column_stack([throughput, weighted.reshape(-1, 4), chief.reshape(-1, 4)])
 
-    def compared(values: Floats) -> Floats:
+    def compare(values: Floats) -> Floats:
         throughput, displacement = throughput_and_displacement(values)
         displacement[throughput < _LIT] = np.nan
         both = (
@@ -142,7 +142,7 @@ def displacement_tables(
     radius, n_types = 0.5 * min(array.pitches) / camera.sensor.pixel_pitch, len(array.focal_lengths)
     return DisplacementTables(
         centres,
-        _table(trace_image, compared, centres, n_types, radius, _SPACING),
+        _table(trace_image, compare, centres, n_types, radius, _SPACING),
         _table(trace_chord, lambda values: values / (_MAX_CHORD_ERROR * at), centres, 1, radius, _CHORD_SPACING),
     )
 
@@ -165,14 +165,14 @@ def chord_of_values(values: Floats, nodes: Floats, per_pitch: Floats) -> Floats:
     """Chord disparity over pitch (n,) from values (n, k) of the chord table: the polynomial through k nodes."""
     total = per_pitch.copy()
     for k, node in enumerate(nodes):
-        others = np.delete(nodes, k)
-        total += np.prod([(per_pitch - other) / (node - other) for other in others], axis=0) * values[:, k]
+        other_nodes = np.delete(nodes, k)
+        total += np.prod([(per_pitch - other) / (node - other) for other in other_nodes], axis=0) * values[:, k]
     return total
 
 
 def _table(
     traced: Traced,
-    compared: Callable[[Floats], Floats],
+    compare: Callable[[Floats], Floats],
     centres: MicrolensCentres,
     n_types: int,
     radius: float,
@@ -180,7 +180,7 @@ def _table(
 ) -> DisplacementTable | None:
     """Table of traced values up to a radius in pixels; None if it is not accurate.
 
-    It is if functions `compared` (n, g) of values (n, f) have RMS errors of at most 1, at pixels of other microlenses
+    It is if functions `compare` (n, g) of values (n, f) have RMS errors of at most 1, at pixels of other microlenses
     than the tabulated ones.
     """
     random = np.random.default_rng(1)
@@ -193,9 +193,9 @@ def _table(
         if _MIN_LENSES * side * side > len(centres):
             break
         if exact is None:
-            exact = compared(traced(centres.pixel[lens] + offset, centres.on_array[lens], centres.index[lens], types))
+            exact = compare(traced(centres.pixel[lens] + offset, centres.on_array[lens], centres.index[lens], types))
         table = _fit(traced, centres, (side, terms), n_types, radius, spacing)
-        error = compared(table.values(centres.on_array[lens], types, offset, 1, 1)[:, 0, 0].astype(np.float64)) - exact
+        error = compare(table.values(centres.on_array[lens], types, offset, 1, 1)[:, 0, 0].astype(np.float64)) - exact
         if np.isfinite(error).any(axis=0).all() and (np.nanmean(error**2, axis=0) <= 1.0).all():
             return table
     return None

@@ -218,10 +218,10 @@ class Search:
 
     def check_iris(self, camera: PlenopticCamera) -> None:
         """Raise an InvalidValueError if rims and other stops vignette the given iris."""
-        given, limit = camera.lens.stop.semi_diameter, self._clear_iris(camera)
-        if limit < (1.0 - CUT) * given:
+        iris, limit = camera.lens.stop.semi_diameter, self._clear_iris(camera)
+        if limit < (1.0 - CUT) * iris:
             raise InvalidValueError(
-                f"semi_diameter is {given:g} mm, but rims and other stops of the lens limit it to {limit:.4g} mm; "
+                f"semi_diameter is {iris:g} mm, but rims and other stops of the lens limit it to {limit:.4g} mm; "
                 "give less"
             )
 

@@ -79,12 +79,12 @@ def _fill_neighbour_minima(out, values, start, spacing, radius):
 @device
 def _fill_scores(score, mask, sums, noise, min_count):
     """Normalised correlation from sums over windows; variances include noise."""
-    counts, firsts, others, first_squares, other_squares, products = sums
+    counts, firsts, seconds, first_squares, other_squares, products = sums
     first_noise, other_noise = np.float32(noise[0]), np.float32(noise[1])
     for i in range(score.size):
         n = counts[i]
         scale = _ONE / (n if n > _ONE else _ONE)
-        a, b = scale * firsts[i], scale * others[i]
+        a, b = scale * firsts[i], scale * seconds[i]
         aa, bb = scale * first_squares[i] - a * a, scale * other_squares[i] - b * b
         aa, bb = (aa if aa > _ZERO else _ZERO) + first_noise, (bb if bb > _ZERO else _ZERO) + other_noise
         correlation = (scale * products[i] - a * b) / (math.sqrt(aa) * math.sqrt(bb))
@@ -94,9 +94,9 @@ def _fill_scores(score, mask, sums, noise, min_count):
 @device
 def _insert(best, n_known, score, begin, n_best):
     """Insert scores into the lists of the best ones of each pixel, in falling order."""
-    known = n_known[begin : begin + score.size]
+    count = n_known[begin : begin + score.size]
     for i in range(score.size):
-        known[i] += _ONE if score[i] > _UNKNOWN else _ZERO
+        count[i] += _ONE if score[i] > _UNKNOWN else _ZERO
     for k in range(n_best):
         row = best[k, begin : begin + score.size]
         for i in range(score.size):
@@ -123,16 +123,16 @@ def _correlate(work, stack, begin, end, noise, columns):
     """Scores of the pixels from begin to end, whose windows `work.shifted` and `work.shifted_mask` show."""
     radius, n = stack.window_radius, end - begin
     pad, products, sums, column_sums = radius * (columns + 1), work.products, work.sums, work.column_sums
-    own, mask, valid, shifted = work.own[begin:end], work.mask[begin:end], work.shifted_mask[:n], work.shifted[:n]
+    values, mask, valid, shifted = work.values[begin:end], work.mask[begin:end], work.shifted_mask[:n], work.shifted[:n]
     for k in range(6):
         products[k, :pad] = _ZERO
         products[k, pad + n : 2 * pad + n] = _ZERO
     _fill_product(products[0, pad:], mask, valid)
-    _fill_product(products[1, pad:], own, valid)
+    _fill_product(products[1, pad:], values, valid)
     _fill_product(products[2, pad:], shifted, mask)
-    _fill_product(products[3, pad:], own, products[1, pad:])
+    _fill_product(products[3, pad:], values, products[1, pad:])
     _fill_product(products[4, pad:], shifted, products[2, pad:])
-    _fill_product(products[5, pad:], own, shifted)
+    _fill_product(products[5, pad:], values, shifted)
     for k in range(6):
         _fill_neighbour_sums(column_sums[: n + 2 * radius], products[k], radius * columns, columns, radius)
         _fill_neighbour_sums(sums[k, :n], column_sums, radius, 1, radius)
@@ -153,7 +153,7 @@ def _compare(work, stack, images, masks, m, j, d):
     if stack.blurred is not None:
         level, other_level = blur_levels(stack, m, other, d)
     mean, scale = work.normalisation
-    _fill_own(work.own, images[m, level], work.mask, mean, scale)
+    _fill_own(work.values, images[m, level], work.mask, mean, scale)
     start, n = begin + top * columns + left, end - begin
     _weighted_sum(work.along[: n + 3], images[other, other_level], start - 1, columns, cubic_weights(down - top)[0])
     shifted, valid = work.shifted[:n], work.shifted_mask[:n]

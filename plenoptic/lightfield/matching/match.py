@@ -23,7 +23,7 @@ class Workspace(NamedTuple):
     normalisation: NDArray[np.float32]
     """Mean of the image that is matched, and a scale."""
     mask: NDArray[np.float32]
-    own: NDArray[np.float32]
+    values: NDArray[np.float32]
     along: NDArray[np.float32]
     shifted: NDArray[np.float32]
     shifted_mask: NDArray[np.float32]

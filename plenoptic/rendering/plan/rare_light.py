@@ -170,8 +170,8 @@ def _emitter(name: str, part: Mesh | Instances) -> _Lamp:
         area *= float(np.sum(np.abs(np.linalg.det(part.matrices[:, :3, :3])) ** (2 / 3)))
     x, y, z = part.bounds[1] - part.bounds[0]
     # Convex bodies show a quarter of their surface on average (Cauchy), so do boxes around scattered ones at most.
-    shown = min(area / 2 if both or is_flat else area / 4, 0.5 * float(x * y + y * z + z * x))
-    return _Lamp(name, typical, shown * mean / typical, part.bounds, cone)
+    visible_area = min(area / 2 if both or is_flat else area / 4, 0.5 * float(x * y + y * z + z * x))
+    return _Lamp(name, typical, visible_area * mean / typical, part.bounds, cone)
 
 
 def _mesh(part: Mesh | Instances) -> Mesh:

@@ -39,7 +39,7 @@ def obj_meshes(
     libraries = [name for _, name in lines.said("mtllib")]
     materials = obj_materials(file_name, libraries, labels, reader) if material is None else {}
     vertices, uv, normals = lines.columns(b"v", 3), lines.columns(b"vt", 2), lines.columns(b"vn", 3)
-    colours, shown = _colours(file_name, lines) if material is None else None, VertexColours(reader)
+    colours, vertex_colours = _colours(file_name, lines) if material is None else None, VertexColours(reader)
     lengths, rows = lines.faces(file_name, (len(vertices), len(uv), len(normals)))
     triangles, polygon = triangulate(vertices, lengths, rows[0])
     objects = dict.fromkeys(name for _, name in lines.said("o") if name)
@@ -57,7 +57,7 @@ def obj_meshes(
         if chosen is None:
             chosen = Lambertian()
             if colours is not None:
-                chosen, texels = shown.matt(file_name, colours[v].reshape(-1, 3, 3))
+                chosen, texels = vertex_colours.matt(file_name, colours[v].reshape(-1, 3, 3))
                 key, corner_uv = texels or (key, corner_uv)
         elif chosen.row().textures and vt.max(initial=-1) >= 0 and vt.min() < 0:
             warn(f"{file_name}: some faces of the material {label!r} have no uv; they show one texel", FileWarning)

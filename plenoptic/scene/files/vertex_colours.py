@@ -41,10 +41,10 @@ class VertexColours:
         if np.all(codes == first):
             return Lambertian(colour_of(srgb_to_linear(first / white))), None
         colours = np.asarray(srgb_to_linear(codes / white), dtype=np.float64)
-        texture, texels = self.interpolated(file_name, colours)
+        texture, texels = self.interpolation(file_name, colours)
         return Lambertian(texture), (texels, texel_uv(texture, texels))
 
-    def interpolated(self, name: str, colours: Floats) -> tuple[Texture, Indices]:
+    def interpolation(self, name: str, colours: Floats) -> tuple[Texture, Indices]:
         """Texture of the colours (m, 3 corners, 3) of triangles, within 0 and 1, and the texel of each corner.
 
         A triangle has a patch of (n + 1) x (n + 1) texels, in which its corners a, b, c are the centres of the first,

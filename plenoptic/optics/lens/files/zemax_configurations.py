@@ -96,8 +96,8 @@ def _replace_in_surface(block: list[Line], operand: Line, keyword: str, value: s
         block.append(Line(operand.number, keyword, f"{entry} {value}"))
         return
     old = next((line for line in block if line.keyword == keyword), None)
-    kept = old.words[1:] if old and keyword not in ("GLAS", "CURV") else []  # a solve of the curvature ends
-    new = Line(operand.number, keyword, " ".join([value, *kept]))
+    parameters = old.words[1:] if old and keyword not in ("GLAS", "CURV") else []  # a solve of the curvature ends
+    new = Line(operand.number, keyword, " ".join([value, *parameters]))
     block[:] = [line for line in block if line.keyword != keyword]
     if value:
         block.append(new)

@@ -110,9 +110,9 @@ class _MeshReader:
             tangents = self._array(attributes, "TANGENT")
             assert tangents is not None
             warn_of_tangents(mesh, tangents if used.all() else tangents[used])
-        return mesh if colours is None else self._coloured(mesh, colours)
+        return mesh if colours is None else self._with_colours(mesh, colours)
 
-    def _coloured(self, mesh: Mesh, colours: Floats) -> Mesh:
+    def _with_colours(self, mesh: Mesh, colours: Floats) -> Mesh:
         """The mesh whose material is multiplied by the colours (n, 3) of its vertices."""
         material, name = mesh.material, f"the mesh {mesh.name!r}"
         field = _COLOURED.get(type(material), "")
@@ -120,7 +120,7 @@ class _MeshReader:
         if material.row().textures or colour == 0:  # glass, black, or unlit and transparent
             warn(f"{name}: colours that vary from vertex to vertex are left out: its material takes none", FileWarning)
             return mesh
-        texture, texels = self._shown.interpolated(name, colours[mesh.faces])
+        texture, texels = self._shown.interpolation(name, colours[mesh.faces])
         corners = mesh.faces.ravel().astype(np.int64)
         faces, corner = shared_vertices(corners, texels)
         rows, multiplied = corners[corner], {field: times(texture, colour)}
