@@ -235,6 +235,7 @@ MODULES = {
     "fill_thin": "optics.microlens.kernels.ideal_microlenses",
     "fill_through_lens": "optics.lens.kernels.trace",
     "add_emission": "rendering.integrator.kernels.emission",
+    "add_sky": "rendering.integrator.kernels.sky_emission",
     "fill_interactions": "scene.geometry.kernels.interaction",
     "fill_parameters": "scene.materials.kernels.parameters",
     "sample_emitters": "scene.lights.kernels.sample_emitters",
@@ -255,11 +256,12 @@ FEATURES = [
     ("fill_through_lens", {"lens.masks": COLUMN}),
     ("add_emission", {"geometry.uv": ROWS, "emission.texture": PICTURE}),
     ("add_emission", PLACED),
-    ("add_emission", {"sky.background": COLUMN}),
-    ("add_emission", _suns("sky")),
-    ("add_emission", {"sky.environment": MAP}),
+    ("add_sky", _suns("sky")),
+    ("add_sky", {"sky.environment": MAP}),
     ("add_emission", {"queue.rough": BYTES}),
     ("add_emission", COLOUR),
+    ("add_sky", {"queue.rough": BYTES}),
+    ("add_sky", COLOUR),
     ("fill_interactions", {"geometry.normals": ROWS}),
     ("fill_interactions", PLACED),
     ("fill_interactions", {"geometry.uv": ROWS}),
@@ -268,13 +270,14 @@ FEATURES = [
     ("sample_emitters", _suns("lights.sky")),
     ("sample_emitters", {"lights.sky.environment": MAP}),
     ("sample_emitters", {"alpha": Alpha(COLUMN, COLUMN, None)}),
+    ("sample_emitters", {"lights.candidates": 4}),
     *((kernel, features) for kernel in ("eval_direct", "sample_bsdf") for features in OF_MATERIALS),
     ("sample_bsdf", {"source": NUMBERS}),
 ]
 """A kernel, and its arguments or members of them that are None where nothing needs them, as they are otherwise."""
 
 LARGE = {
-    *("fill_thin: lenslets", "fill_through_lens: lens.frames", "add_emission: sky.suns, sky.sun_colors"),
+    *("fill_thin: lenslets", "fill_through_lens: lens.frames", "add_sky: sky.suns, sky.sun_colors"),
     *("fill_interactions: hits.instance, geometry.instance_to_world", "eval_direct: bsdf.kind, bsdf.metal_index"),
     "sample_bsdf: bsdf.kind, bsdf.pane_index",
 }
@@ -286,7 +289,7 @@ NEEDED = {"bundle.radiance"}
 
 @pytest.fixture(scope="module")
 def plain():
-    """The types of arguments with which a rendering of a grey Lambertian floor under a lamp calls each kernel."""
+    """The types of arguments with which a rendering of a grey floor under a lamp and a sky calls each kernel."""
     found = {}
     patch = pytest.MonkeyPatch()
 
@@ -309,7 +312,7 @@ def plain():
     lens, array = pl.load_lens("double-gauss-100mm-f2"), pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,))
     camera = pl.PlenopticCamera(lens, pl.Sensor((4, 4), 0.01), 123.3, array, 1.7)
     lamp = pl.QuadLight((0, 30, -360), (20, 0, 0), (0, 12, -16), radiance=3.0)
-    scene = pl.Scene([pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))], [lamp])
+    scene = pl.Scene([pl.quad((-50, -50, -404), (100, 0, 0), (0, 100, 0))], [lamp], background=0.1)
     pl.render(scene, camera, samples=8, max_bounces=2, truth=pl.Truth.NONE, progress=False)
     patch.undo()
     return found

@@ -166,7 +166,6 @@ def test_impossible_targets():
         ({"z": -50.0}, "beyond the front focus at z = -"),
         ({"z": -0.404}, "looks like metres: give -404"),
         ({"depth_at": -50.0}, "the plane depth_at = -50 mm has no real image"),
-        ({"lens": LENS, "semi_diameter": 40.0, "pitch": None}, "limit it to 16.59 mm"),
         ({"microlenses_to_sensor": 700.0, "virtual_depth": None}, "0.7 for 700 micrometres"),
         ({"depth_at": 0.0}, "in front of the camera"),
         ({"virtual_depth": None, "depth_at": -300.0, "stop_to_microlenses": 120.0}, "depth_at is the plane"),

@@ -22,7 +22,6 @@ from plenoptic.camera.design.equations import (
     template_array,
 )
 from plenoptic.camera.gaussian import CameraKind, image_plane, neighbour_distance, paraxial_cone, sharp_image
-from plenoptic.camera.report.findings import CUT
 from plenoptic.camera.report.illumination import clear_pupil, touching_fill, with_semi_diameter
 from plenoptic.core.values import check_kind, choice, length_in_mm, positive, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
@@ -216,15 +215,6 @@ class Search:
         """Semi-diameter in mm of the iris that rims and other stops leave clear."""
         return clear_pupil(camera.lens, camera.stop_to_microlenses, self.wavelength)[1]
 
-    def check_iris(self, camera: PlenopticCamera) -> None:
-        """Raise an InvalidValueError if rims and other stops vignette the given iris."""
-        iris, limit = camera.lens.stop.semi_diameter, self._clear_iris(camera)
-        if limit < (1.0 - CUT) * iris:
-            raise InvalidValueError(
-                f"semi_diameter is {iris:g} mm, but rims and other stops of the lens limit it to {limit:.4g} mm; "
-                "give less"
-            )
-
     def _vignetting_message(self, camera: PlenopticCamera, fill: float, semi_diameter: float, tolerance: float) -> str:
         limit, largest_fill = self._limits(camera, tolerance)
         reached = f" and image_fill to {math.floor(1e3 * largest_fill) / 1e3:.3f}" if largest_fill > 0 else ""
@@ -354,9 +344,6 @@ def design_camera(  # noqa: PLR0913
         fixed["h"] = lens.stop.semi_diameter
     check_count(targets, fixed)
     best = choice(criterion, FocusCriterion, "criterion")
-    search = Search(lens, sensor, targets, fixed, template, best, wave)
-    design = search.run(positive(tolerance, "tolerance"))
-    if semi_diameter is not None:
-        search.check_iris(design.camera)
+    design = Search(lens, sensor, targets, fixed, template, best, wave).run(positive(tolerance, "tolerance"))
     warn_if_implausible(design.camera)
     return design
