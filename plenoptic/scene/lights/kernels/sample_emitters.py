@@ -233,7 +233,8 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
                 rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
                 value = 1.0 / rows[i, PDF] if rows[i, PDF] > 0.0 else 0.0
                 _fill_row(color, environment_texels[at_row], at_column)
-            if candidates is not None:
+            # Lights that shine the other way have no direction.
+            if candidates is not None and value > 0.0:
                 share = value * _light_on_surface(rows, points_at, i, color, sides)
                 total += share
                 random_bits = mix(mix(interactions.key[i], _CANDIDATES + np.uint64(candidate)), np.uint64(serial[i]))
