@@ -270,7 +270,6 @@ FEATURES = [
     ("sample_emitters", _suns("lights.sky")),
     ("sample_emitters", {"lights.sky.environment": MAP}),
     ("sample_emitters", {"alpha": Alpha(COLUMN, COLUMN, None)}),
-    ("sample_emitters", {"lights.candidates": 4}),
     *((kernel, features) for kernel in ("eval_direct", "sample_bsdf") for features in OF_MATERIALS),
     ("sample_bsdf", {"source": NUMBERS}),
 ]

@@ -140,7 +140,7 @@ def test_materials_keep_their_numbers():
     assert bsdf.roughness.tolist() == [0.0, 0.9, 0.25, 0.0, 0.5, 0.0, 0.9, 0.0]
     assert bsdf.metallic.tolist() == [0.0] * 6 + [0.8, 0.0]
     assert bsdf.scatters.tolist() == [1] * 7 + [0]
-    assert bsdf.takes_light.tolist() == [1, 1, 1, 0, 2, 0, 1, 0]
+    assert bsdf.takes_light.tolist() == [1, 1, 1, 0, 1, 0, 1, 0]
     assert tables.absorption[:, 0].tolist() == [0.0] * 4 + [0.7, 0.0, 0.0, 0.0]
     assert tables.alpha.opacity.tolist() == [1.0] * 6 + [0.25, 1.0]
     assert tables.alpha.cutoff.tolist() == [-1.0] * 6 + [0.125, -1.0]

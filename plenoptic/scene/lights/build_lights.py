@@ -45,9 +45,6 @@ _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
 depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
 _TEXELS_PER_GUIDE = 4
-_MANY, _CANDIDATES = 8, 4
-"""Number of lamps from which on several lights are drawn for each that is kept, and how many. All triangles of a lamp
-bring similar light."""
 _LEFT = 0.75
 """Fraction of a map's mean radiance that is left to scattered rays. All of it would raise the variance under a map with
 a sun, where the rest of the sky is below the mean, to 1.7 times what it is without."""
@@ -57,8 +54,6 @@ class Emitters(NamedTuple):
     """The triangles that emit."""
 
     geometry: Geometry
-    mesh: NDArray[np.int32]
-    """(nt,): mesh of each triangle."""
     exitance: Floats
     """(nm,): half of mean emitted radiance times sides that emit."""
     instances: InstanceRecord | None
@@ -119,15 +114,9 @@ def lights_record(
             sun_colors=color_rows(sun_colors, channels) if suns else None,
             environment=environment,
         ),
-        candidates=_CANDIDATES if len(points) + _mesh_count(emitters, near_rows, near_instances) >= _MANY else None,
         far=2 * diameter + 1.0,
     )
     return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None
-
-
-def _mesh_count(emitters: Emitters | None, rows: NDArray[np.int64], instances: NDArray[np.int32]) -> int:
-    """Number of meshes and instances to which triangles belong."""
-    return 0 if emitters is None else len(np.unique([emitters.mesh[rows], instances], axis=1).T)
 
 
 def _triangle_powers(
@@ -136,7 +125,7 @@ def _triangle_powers(
     """Triangles that emit, in their places, with their powers; and power per area of each material."""
     if emitters is None:
         return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
-    geometry, _, _, instances = emitters
+    geometry, _, instances = emitters
     exitance = 2 * math.pi * (emitters.exitance / unit)
     shines = exitance[geometry.triangle_material] > 0
     parts: list[Any] = [(0, len(geometry.triangles) if instances is None else instances.plain, None)]

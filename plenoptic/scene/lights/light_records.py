@@ -96,8 +96,6 @@ class Lights(NamedTuple):
     point_colors: Floats | None
     """(np, C): intensity."""
     sky: Sky
-    candidates: int | None
-    """Number of lights that are drawn for each that is kept. None where there are few, and one is drawn."""
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""
 

@@ -27,9 +27,7 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
     tables = {name: table for makes in {row.tables for row in rows} for name, table in makes().items()}
     return Bsdf(
         scatters=contiguous(np.array([row.reflects for row in rows], dtype=np.uint8)),
-        takes_light=contiguous(
-            np.array([row.takes_light * (1 + any(row.glass_index)) for row in rows], dtype=np.uint8)
-        ),
+        takes_light=contiguous(np.array([row.takes_light for row in rows], dtype=np.uint8)),
         base_color=color_rows(colors, channels),
         kind=contiguous(kinds) if np.any(kinds != LAMBERTIAN) else None,
         metal_index=contiguous(np.stack([metals.real, metals.imag], axis=-1)) if CONDUCTOR in kinds else None,

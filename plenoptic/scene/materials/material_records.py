@@ -92,7 +92,7 @@ class Bsdf(NamedTuple):
     scatters: NDArray[np.uint8]
     """(nm,): 1 for materials that reflect."""
     takes_light: NDArray[np.uint8]
-    """(nm,): sides from which drawn light is scattered: 2 for rough glass, 0 for mirrors and polished glass."""
+    """(nm,): 1 for materials that scatter directly sampled light; 0 for mirrors and polished glass."""
     base_color: Floats
     """(nm, C), in [0, 1]: base colours; 1 where a texture gives it."""
     kind: NDArray[np.int64] | None

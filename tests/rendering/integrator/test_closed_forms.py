@@ -89,34 +89,6 @@ def test_lights_of_all_sizes_follow_the_inverse_square():
         assert_agree(measured, expected, {"point": 3e-4, "spot": 1e-3}.get(name, 4e-3), name)
 
 
-def test_many_lamps_are_drawn_by_the_light_that_they_bring(monkeypatch):
-    # Lamps at 25 places, of which few are near a pixel's point of the floor: the sum of all, with less error.
-    places = [(x, y, FLOOR_Z + 6.0) for x in np.linspace(-10, 10, 5) for y in np.linspace(-10, 10, 5)]
-    camera, lamps = pinhole(), [pl.lights.PointLight(place, 50.0) for place in places]
-
-    def seen(origin, way):
-        to_lights = np.array(places)[:, None] - where_met(origin, way, FLOOR_Z)
-        d = np.linalg.norm(to_lights, axis=2)
-        return 0.6 / math.pi * (50.0 * to_lights[:, :, 2] / d**3).sum(axis=0)
-
-    expected, scene = expected_image(camera, seen, parts=64), pl.Scene([floor(pl.Lambertian(0.6))], lamps)
-    measured = radiance(scene, camera, max_bounces=1)
-    assert_agree(measured, expected, 1e-3)
-    monkeypatch.setattr("plenoptic.scene.lights.build_lights._CANDIDATES", None)
-    one = radiance(pl.Scene([floor(pl.Lambertian(0.6))], lamps), camera, max_bounces=1)
-    # Squared errors of 64 pixels, each with 15 degrees of freedom: their ratio is known to 7 %.
-    assert np.square(one[1]).sum() > 4 * np.square(measured[1]).sum()
-    # Lamps below the surface are chosen where it passes light: frosted glass between them and the camera.
-    pane = pl.box((60, 60, 1), center=(0, 0, -20), material=pl.Dielectric(1.2, alpha=0.3))
-    both = [radiance(pl.Scene([pane], lamps), camera, 64, max_bounces=4)]
-    monkeypatch.undo()
-    both.append(radiance(pl.Scene([pane], lamps), camera, 64, max_bounces=4))
-    (few, few_error), (many, many_error) = both
-    assert few.mean() > 0 and abs(few.mean() - many.mean()) < 5 * math.hypot(
-        *(np.sqrt(np.square(error).sum()) / error.size for error in (few_error, many_error))
-    )
-
-
 def test_lambertian_sphere_under_a_sun():
     # rho E cos / pi. 256 x 128 facets with smooth normals: off by the square of the half angle between facets, 2e-4,
     # and along the terminator, where facets turn away before their normals do, by that angle, 0.012, in part of pixels.

@@ -193,7 +193,11 @@ def _aim_varying(ray, i, workspace, regions, region, start, random):
         c += 1
     k, point = low + c, (0.0, 0.0)
     if areas[c] > 0.0:
-        point = point_in(polygon, c * MAX_CLIPPED_CORNERS, counts[c], remainder, random[1])
+        if pieces[k].is_round == 1:
+            part = min(remainder / areas[c], 1.0)
+            point = point_in_ellipse(regions.corners, pieces[k].first_corner, part, random[1])
+        else:
+            point = point_in(polygon, c * MAX_CLIPPED_CORNERS, counts[c], remainder, random[1])
     set_aimed_ray(ray, i, pieces[k], displaced_point(pieces[k], point, in_pixel), on_sensor, total_area)
     if not areas[c] > 0.0:
         ray[WEIGHT + i], ray[STATUS + i] = 0.0, MISSED

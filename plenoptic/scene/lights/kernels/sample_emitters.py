@@ -10,11 +10,9 @@ import math
 import numpy as np
 
 from plenoptic.core.kernels.sincos import turn
-from plenoptic.core.kernels.sobol import mix
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale, sub
 from plenoptic.core.kernels.wavelengths import one_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.scene.geometry.geometry_records import NORMAL
 from plenoptic.scene.geometry.geometry_records import POINT as INTERACTION_POINT
 from plenoptic.scene.geometry.kernels.intersect import interpolate_uv
 from plenoptic.scene.lights.kernels.sky import sample_cdf, sample_environment
@@ -22,7 +20,6 @@ from plenoptic.scene.lights.light_records import (
     CORNER,
     DELTA,
     DIRECTION,
-    DRAWN_COLUMNS,
     EDGE_1,
     EDGE_2,
     END,
@@ -35,9 +32,6 @@ from plenoptic.scene.lights.light_records import (
     TRIANGLE,
 )
 from plenoptic.scene.textures.kernels.lookup import fill_texel, opacity_at
-
-_CANDIDATES = np.uint64(811)
-"""First of the numbers that distinguish the choices among candidates."""
 
 
 @device
@@ -125,29 +119,15 @@ def _fill_row(color, colors, k):
         color[c] = colors[k, c]
 
 
-@device
-def _light_on_surface(rows, interactions, i, color, sides):
-    """Mean of a drawn light's colour times its cosine on a surface that takes light from 1 or 2 sides."""
-    cosine = dot(row_vector(rows, i, DIRECTION), row_vector(interactions, i, NORMAL))
-    cosine = abs(cosine) if sides == 2 else max(cosine, 0.0)
-    mean = 0.0
-    for c in range(color.size):
-        mean += color[c] / color.size
-    return mean * cosine
-
-
 @kernel
 def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, takes_light, wavelengths):
     """Draw one light for each interaction by rows 0 and 1 of its random numbers.
 
-    Of `lights.candidates` lights, from as many strata of the table, one is kept with a probability in proportion to the
-    light that it would bring to the surface, by which its radiance is divided (J. F. Talbot, D. Cline and P. Egbert,
-    Importance Resampling for Global Illumination, EGSR 2005). The radiance is 0 where the light shines the other way,
-    or where the material takes no light that is drawn directly.
+    The radiance is 0 where the light shines the other way, or where the material takes no light that is drawn directly.
     """
     rows, radiance = drawn.rows, drawn.radiance
     points_at, path = interactions.rows, interactions.path
-    material_of, random, serial = interactions.material, interactions.random, interactions.number
+    material_of, random = interactions.material, interactions.random
     triangles, triangle_material, uv = geometry.triangles, geometry.triangle_material, geometry.uv
     emitted = emission.radiance
     two_sided = emission.two_sided
@@ -180,68 +160,53 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     if environment_texels is not None:
         channels = environment_texels.shape[2]
     color, number = np.empty(channels), np.empty(1)
-    kept, kept_color = np.empty(DRAWN_COLUMNS), np.empty(channels)
-    candidates = lights.candidates
-    draws = 1 if candidates is None else candidates
     for i in range(material_of.size):
         for c in range(radiance.shape[1]):
             radiance[i, c] = 0.0
-        sides = takes_light[material_of[i]]
-        if sides == 0:
+        if takes_light[material_of[i]] == 0:
             continue
-        value, total, kept_value = 0.0, 0.0, 0.0
-        for candidate in range(draws):
-            light, u = sample_cdf(cdf, (candidate + random[0, i]) / draws)
-            v = random[1, i]
-            point = row_vector(points_at, i, INTERACTION_POINT)
-            kind = np.uint8(TRIANGLE)
-            if points is not None or suns is not None or environment_texels is not None:
-                kind = items[light].kind
-            row = items[light].row
-            value = 0.0
-            if emitted is not None and kind == TRIANGLE:
-                source = triangle_material[row]
-                # Uniform over the triangle.
-                root = math.sqrt(u)
-                s, t = root * (1.0 - v), root * v
-                value = _fill_triangle_sample(
-                    rows, i, point, (s, t), (areas, light), two_sided[source] != 0, area_pdf[source]
-                )
-                _fill_row(color, emitted, source)
-                if glow_row is not None:
-                    texture = glow_row[source]
-                    if texture >= 0:
-                        tu, tv = interpolate_uv(uv, triangles, row, s, t)
-                        fill_texel(color, glow_texels, glow_textures[texture], tu, tv)
-                if opacity is not None:
-                    if opacity[source] < 1.0:
-                        texture = -1 if alpha_row is None else alpha_row[source]
-                        st = interpolate_uv(uv, triangles, row, s, t)
-                        value *= opacity_at(
-                            number, opacity[source], cutoff[source], texture, st, alpha_texels, alpha_textures
-                        )
-            if points is not None and kind == POINT:
-                chance = cdf[light] - (cdf[light - 1] if light > 0 else 0.0)
-                value = _fill_point_sample(rows, i, point, points[row]) / chance
-                _fill_row(color, point_colors, row)
-            if suns is not None and kind == SUN:
-                value = _fill_sun_sample(rows, i, point, u, v, suns[row], far)
-                _fill_row(color, sun_colors, row)
-            if environment_texels is not None and kind == ENVIRONMENT:
-                w, at_row, at_column = sample_environment(u, v, environment)
-                _fill_distant_sample(rows, i, point, w, far)
-                rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
-                value = 1.0 / rows[i, PDF] if rows[i, PDF] > 0.0 else 0.0
-                _fill_row(color, environment_texels[at_row], at_column)
-            # Lights that shine the other way have no direction.
-            if candidates is not None and value > 0.0:
-                share = value * _light_on_surface(rows, points_at, i, color, sides)
-                total += share
-                random_bits = mix(mix(interactions.key[i], _CANDIDATES + np.uint64(candidate)), np.uint64(serial[i]))
-                if share > 0.0 and np.float64(random_bits >> np.uint64(11)) * 2.0**-53 * total < share:
-                    kept[:], kept_color[:], kept_value = rows[i], color, value / share
-        if candidates is not None:
-            rows[i], color[:], value = kept, kept_color, kept_value * total / draws
+        light, u = sample_cdf(cdf, random[0, i])
+        v = random[1, i]
+        point = row_vector(points_at, i, INTERACTION_POINT)
+        kind = np.uint8(TRIANGLE)
+        if points is not None or suns is not None or environment_texels is not None:
+            kind = items[light].kind
+        row = items[light].row
+        value = 0.0
+        if emitted is not None and kind == TRIANGLE:
+            source = triangle_material[row]
+            # Uniform over the triangle.
+            root = math.sqrt(u)
+            s, t = root * (1.0 - v), root * v
+            value = _fill_triangle_sample(
+                rows, i, point, (s, t), (areas, light), two_sided[source] != 0, area_pdf[source]
+            )
+            _fill_row(color, emitted, source)
+            if glow_row is not None:
+                texture = glow_row[source]
+                if texture >= 0:
+                    tu, tv = interpolate_uv(uv, triangles, row, s, t)
+                    fill_texel(color, glow_texels, glow_textures[texture], tu, tv)
+            if opacity is not None:
+                if opacity[source] < 1.0:
+                    texture = -1 if alpha_row is None else alpha_row[source]
+                    st = interpolate_uv(uv, triangles, row, s, t)
+                    value *= opacity_at(
+                        number, opacity[source], cutoff[source], texture, st, alpha_texels, alpha_textures
+                    )
+        if points is not None and kind == POINT:
+            chance = cdf[light] - (cdf[light - 1] if light > 0 else 0.0)
+            value = _fill_point_sample(rows, i, point, points[row]) / chance
+            _fill_row(color, point_colors, row)
+        if suns is not None and kind == SUN:
+            value = _fill_sun_sample(rows, i, point, u, v, suns[row], far)
+            _fill_row(color, sun_colors, row)
+        if environment_texels is not None and kind == ENVIRONMENT:
+            w, at_row, at_column = sample_environment(u, v, environment)
+            _fill_distant_sample(rows, i, point, w, far)
+            rows[i, PDF] = environment.probability * environment_pdf[at_row, at_column]
+            value = 1.0 / rows[i, PDF] if rows[i, PDF] > 0.0 else 0.0
+            _fill_row(color, environment_texels[at_row], at_column)
         if not value > 0.0:
             continue
         wave = wavelength_index(waves, path[i])
