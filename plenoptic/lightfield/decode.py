@@ -228,6 +228,8 @@ def _offsets(
     pitch, b = camera.sensor.pixel_pitch, camera.microlenses_to_sensor
     if views is not None:
         half, most = odd_count(views) // 2, 1 + int(2.0 * max(array.pitches) / (pitch * step))
+        if half > 0 and step > 2.0 * (reach := 2.0 * max(array.pitches) / pitch):
+            raise InvalidValueError(f"step is {step:g} pixels, and four micro images span {2.0 * reach:.4g}: take less")
         if half > most:
             raise InvalidValueError(
                 f"views is {views}, and at this step {2 * most + 1} views span four micro images already: take fewer"

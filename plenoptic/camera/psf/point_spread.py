@@ -34,6 +34,8 @@ from plenoptic.errors import InvalidValueError
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
 
+_MAX_REPLICATES = 1 << 16
+
 
 def point_spread(
     camera: PlenopticCamera,
@@ -86,7 +88,7 @@ def point_spread(
     '0.982 msr'
     """
     world, is_batch = _checked_points(camera, points)
-    replicates = whole(replicates, "replicates", at_least=1)
+    replicates = whole(replicates, "replicates", at_least=1, at_most=_MAX_REPLICATES)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
     with CallProgress("tracing points", kind="camera", show=progress):

@@ -117,7 +117,7 @@ def usaf_1951(
 
 
 def _groups(groups: Iterable[int]) -> list[int]:
-    if not isinstance(groups, Iterable):
+    if not isinstance(groups, Iterable) or getattr(groups, "ndim", 1) == 0:
         raise InvalidValueError(f"groups is {groups!r}; it must be a sequence of whole numbers, such as range(-2, 4)")
     numbers = [whole(group, "group", at_least=-LARGEST) for group in groups]
     if not numbers or max(numbers) > LARGEST or len(set(numbers)) < len(numbers):
