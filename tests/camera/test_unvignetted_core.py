@@ -225,8 +225,12 @@ def assert_as_drawn_anywhere(name, monkeypatch):
             single = np.hypot(value / samples, value / max(many * useful, 1.0))
             over[kind].extend((off / np.hypot(error, single))[is_precise])
         # With a core of all light or none, both draw alike, and behind a small stop few pixels are informative.
+        # Where a round opening is sampled exactly, no path is lost, and a core gains nothing.
         lit = traced.image > 0.1 * traced.image.max()
-        assert np.square(white.standard_error[lit]).sum() <= 2.0 * np.square(traced.standard_error[lit]).sum()
+        is_exact = traced.stats.paths_through_lens == traced.stats.paths
+        assert (
+            is_exact or np.square(white.standard_error[lit]).sum() <= 2.0 * np.square(traced.standard_error[lit]).sum()
+        )
     for kind, chi in over.items():
         # Errors of 32 replicates make Student's t of 31 degrees of freedom: mean square 31 / 29, and four standard
         # errors of that mean. Through the smallest pupils no pixel is known so well.

@@ -116,4 +116,6 @@ def test_rare_light_misses_its_target(monkeypatch):
     subject = next(film for film in films(32) if film.name == "rare caustic")
     with pytest.warns(UserWarning, match="light is so rare"):
         shot = pl.render(subject.scene, subject.camera, target_error=0.5, truth=pl.Truth.NONE, progress=False, seed=2)
-    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED and shot.rare_light and shot.samples == 256
+    # At 256 samples, or at the next pass in which a path has met it.
+    assert shot.stats.stopped_by is pl.rendering.StopReason.TARGET_MISSED and shot.rare_light
+    assert 256 <= shot.samples <= 1024
