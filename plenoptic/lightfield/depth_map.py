@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
@@ -14,13 +13,12 @@ from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.displacement_table import DisplacementTable, chord_nodes, chord_of_values, displacement_tables
 from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
-from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, object_plane_pair
+from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, pinhole_model
 from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, raw_arrays
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
@@ -29,6 +27,10 @@ _VIRTUAL_DEPTHS = (1.8, 25.0)
 _LARGEST = 1000.0
 _LOW_CONFIDENCE = 0.35
 """Median confidence below which a warning says that the search range may be wrong."""
+_BEYOND, _MANY = 1.03, 0.2
+"""Ratio of a disparity to the last one of the search range from which on it lies beyond, and the fraction of such
+pixels from which on a warning says so. Refinement reaches beyond by 1.06.
+"""
 
 
 @result
@@ -115,7 +117,8 @@ def depth(  # noqa: PLR0913
     -------
     DepthMap
         Depth of the pixels of the raw image, or of the central view. A warning tells if the median confidence of a raw
-        image is as low as without the depth of the scene in the range that is searched.
+        image is as low as without the depth of the scene in the range that is searched, or if a fifth of the depths
+        lie beyond its end.
 
     Raises
     ------
@@ -172,49 +175,44 @@ def depth(  # noqa: PLR0913
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
     raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
     camera, workers = camera_of(image, camera), thread_count(threads)
-    array, virtual_depths = focused_array(camera), _virtual_depths(camera, virtual_depth_range)
+    focused_array(camera)
+    virtual_depths = _virtual_depths(camera, virtual_depth_range)
     check_white(camera, white)
     with CallProgress("matching", kind="camera", show=progress):
-        model = PinholeModel(array_axes(camera), array, object_plane_pair(camera, virtual_depths), workers)
-        tables = displacement_tables(camera, virtual_depths, workers)
-        micro = micro_images(model, tables, raw, virtual_depths, radius)
-        return _depth_of_raw_image(model, tables.chord, raw, micro, matcher)
+        model = pinhole_model(camera, virtual_depths, workers)
+        micro = micro_images(model, raw, virtual_depths, radius)
+        return _depth_of_raw_image(model, raw, micro, matcher)
 
 
-def _depth_of_raw_image(
-    model: PinholeModel, table: DisplacementTable | None, raw: RawArrays, micro: MicroImages, matcher: Matcher
-) -> DepthMap:
+def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages, matcher: Matcher) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
     matches = match_stack(micro.stack, matcher, model.threads)
     disparity, error, confidence = matches = consensus(matches, micro, raw.shot.shape, model.threads)
-    _check_confidence(matches)
+    _check_range(matches, micro.stack.disparities)
     measured, pitch = np.isfinite(disparity[micro.row, micro.column]), micro.stack.pitch
     lit, lens = (micro.row[measured], micro.column[measured]), micro.lit[0][measured]
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
     depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
-    if table is None:
-        chord = chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
-    else:
-        first_type, nodes = np.zeros_like(micro.type), chord_nodes(micro.stack.disparities[[0, -1]] / pitch)
-        table_values = table.values(
-            micro.on_array, first_type, micro.first_offset, micro.stack.mask.shape[1], model.threads
-        )
-        values = table_values[tuple(index[measured] for index in micro.lit)].astype(np.float64)
-        chord = chord_of_values(values, nodes, per_pitch)
-    disparity[lit] = pitch * chord
+    disparity[lit] = pitch * chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)
 
 
-def _check_confidence(matches: Matches) -> None:
-    """Warn if the median confidence of a raw image is as low as that of a search range without its depth."""
-    confidence = matches.confidence[np.isfinite(matches.disparity)]
-    if confidence.size and np.median(confidence) < _LOW_CONFIDENCE:
+def _check_range(matches: Matches, searched: Floats) -> None:
+    """Warn if depth seems to lie outside of the range that is searched, whose planes have disparities (n,)."""
+    measured = np.isfinite(matches.disparity)
+    disparity, confidence = matches.disparity[measured], matches.confidence[measured]
+    if not measured.any():
+        return
+    beyond = np.mean((disparity < searched.min() / _BEYOND) | (disparity > searched.max() * _BEYOND))
+    if np.median(confidence) < _LOW_CONFIDENCE:
         warn(
             f"median confidence {np.median(confidence):.2g}: widen virtual_depth_range, which may not hold the scene, "
             "unless it has little texture, or the image much noise"
         )
+    elif beyond > _MANY:
+        warn(f"{100 * beyond:.0f} % of the depths lie beyond the end of virtual_depth_range: widen it")
 
 
 def _virtual_depths(camera: PlenopticCamera, bounds: tuple[float, float] | None) -> tuple[float, float]:

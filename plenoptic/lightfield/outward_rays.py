@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
 from plenoptic.core.rays import RayBundle
@@ -31,26 +30,6 @@ def chief_rays(
     )
 
 
-def aperture_rays(
-    axes: ArrayAxes, array: MicrolensArray, pixel: Floats, on_array: Floats, types: NDArray[np.int64], threads: int
-) -> RayBundle:
-    """Trace rays from pixels (n, 2) through m points of the apertures of microlenses at (n, 2), of types (n,): m n
-    rays.
-
-    They leave the lens, in its axes; vignetted rays have weight 0. Thin microlenses deviate them.
-    """
-    camera = axes.camera
-    deviation = 1.0 / np.array(array.focal_lengths_at(camera.wavelength))[types] - 1.0 / camera.microlenses_to_sensor
-    aperture_points = _aperture_points(array) @ axes.parts.array_turn.T
-    positions, slopes, _ = rays_at_array(axes, array, pixel, on_array)
-    rays = _towards_scene(
-        axes,
-        (positions[:, None] + aperture_points).reshape(-1, 2),
-        (slopes[:, None] + deviation[:, None, None] * aperture_points).reshape(-1, 2),
-    )
-    return trace_record(lens_record(camera.lens, camera.wavelength, reverse=True), rays, threads=threads)
-
-
 def plane_intersections(rays: RayBundle, z: float | Floats) -> Floats:
     """Intersections (n, 2) of rays, or their extensions, with planes of constant z: x and y."""
     distance = (z - rays.origin[:, 2]) / rays.direction[:, 2]
@@ -59,7 +38,7 @@ def plane_intersections(rays: RayBundle, z: float | Floats) -> Floats:
 
 def aperture_variance(array: MicrolensArray) -> float:
     """Variance of positions in a microlens aperture along one axis, mean of both axes, mm^2."""
-    return float(0.5 * (_aperture_points(array) ** 2).sum(axis=1).mean())
+    return float(0.5 * (aperture_points(array) ** 2).sum(axis=1).mean())
 
 
 def rays_at_array(
@@ -79,6 +58,8 @@ def rays_at_array(
     for _ in range(3):
         rear = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, True)
         slopes = (start[:, :2] - rear) / start[:, 2:]
+        if rear is passed:
+            break
     front = refraction.shift_chief_rays(array, passed, slopes, camera.wavelength, False)
     return 2.0 * passed - front, slopes, start[:, 2]
 
@@ -88,7 +69,7 @@ def _towards_scene(axes: ArrayAxes, positions: Floats, slopes: Floats) -> RayBun
     return RayBundle(axes.in_lens(positions), axes.parts.local_to_lens.directions(direction), axes.camera.wavelength)
 
 
-def _aperture_points(array: MicrolensArray) -> Floats:
+def aperture_points(array: MicrolensArray) -> Floats:
     """Points (m, 2) spread evenly over a microlens aperture, mm: a spiral with the golden angle between points."""
     if not array.model.focuses:
         return np.zeros((1, 2))

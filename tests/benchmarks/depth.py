@@ -86,7 +86,7 @@ def measured(camera, shot, white, sensor=None):
     depth = float(100 * np.nanmedian(np.abs(found.depth / shot.truth.depth - 1)[where]))
     confidence = float(np.nanmedian(found.confidence[where]))
     shares = (100 * scores.kept, 100 * scores.bias, *scores.relative)
-    return (*shares, honest, confidence, depth, 1e3 * cost.wall / found.disparity.size)
+    return (*shares, honest, confidence, depth, 1e3 * cost.cpu / found.disparity.size)
 
 
 def _views(quick):
@@ -107,7 +107,7 @@ def _views(quick):
             pooled.append(np.nanmean((error / stated) ** 2))
             depths = 100 * (found.depth[inside] / -z - 1)
             row = (100 * np.isfinite(error).mean(), np.nanmean(error), np.sqrt(np.nanmean(error**2)), pooled[-1] ** 0.5)
-            row = *row, np.nanmedian(depths), np.sqrt(np.nanmean(depths**2)), 1e3 * cost.wall / found.disparity.size
+            row = *row, np.nanmedian(depths), np.sqrt(np.nanmean(depths**2)), 1e3 * cost.cpu / found.disparity.size
             rows.append((name, z, field.disparity_at(z)[0], *map(float, row)))
     columns = "camera | z / mm | disparity | kept % | bias | RMS error | error / stated | depth bias % | "
     columns += "RMS depth error % | ms a pixel"

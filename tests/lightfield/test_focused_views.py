@@ -173,6 +173,12 @@ def test_holes_are_filled_from_the_same_surface(white, hidden):
     assert rms[0] < 0.15, rms
     field = render_views(shot, white, partly, views=3, fill=True)
     assert np.array_equal(field.centre, render_view(shot, white, partly, fill=True).picture)
+    # Infinite disparities and 0 are as unknown as nan, and a map without any confidence is trusted everywhere.
+    for unknown in (np.inf, -np.inf, 0.0):
+        with_gaps = np.where(np.isnan(partly), unknown, partly)
+        assert np.array_equal(render_view(shot, white, with_gaps, fill=True).picture, view.picture)
+    doubtful = dataclasses.replace(depth_map, disparity=partly, confidence=np.zeros(truth.shape))
+    assert np.array_equal(render_view(shot, white, doubtful, fill=True).picture, view.picture)
 
 
 def test_noisy_uniform_surfaces_leave_no_holes(white, hidden):

@@ -21,6 +21,8 @@ _CELL_TOLERANCE, _TOLERANCE, _MAX_STEPS = 1e-5, 1e-3, 2000
 def fill_disparities(rays: PixelRays, disparity: Floats, known: NDArray[np.bool_], trust: Floats) -> Floats:
     """Disparities of the rays (n,), in pitches: those that are not known, interpolated from all that have trust.
 
+    Without any trust, those that are known have it.
+
     On cells of the picture, as seen from the centre of the pupil, the sum of trust (d - measured d)^2 and of tie
     (difference of d between neighbouring cells)^2 is least; the tie falls with their difference of radiance. The same
     within each micro image, whose pixels are tied to their cells, too. Weighted least squares: Z. Farbman et al., ACM
@@ -28,7 +30,8 @@ def fill_disparities(rays: PixelRays, disparity: Floats, known: NDArray[np.bool_
     """
     radiance = rays.at(rays.raw.shot) / rays.at(rays.raw.white)
     low, high = disparity[known].min(), disparity[known].max()
-    trust, measured = np.where(np.isfinite(disparity), trust, 0.0), np.nan_to_num(disparity)
+    trust = np.where(np.isfinite(disparity), trust if trust.any() else known, 0.0)
+    measured = np.nan_to_num(disparity)
     filled = np.where(known, disparity, np.average(measured, weights=trust + 1e-30))
     lens, light = rays.on_image(rays.lens, -1), np.full(rays.raw.shot.shape, np.nan)
     light[rays.row, rays.column] = radiance

@@ -242,12 +242,12 @@ def _sample_sets(
             raise InvalidValueError("fill= needs the disparity of each pixel; a refocused picture has no holes to fill")
         is_known, trust = np.isfinite(in_pitches), np.ones(len(in_pitches))
         if depth_map is not None:
-            error = rays.at(depth_map.standard_error) * in_pitches / rays.at(depth_map.disparity)
+            error = rays.at(depth_map.standard_error) * rays.camera.sensor.pixel_pitch / min(rays.array.pitches)
             # The error moves a sample by more than a pixel: its disparity tells no place.
             uncertainty = rays.nearness(in_pitches - error) - rays.nearness(in_pitches + error)
             confidence = np.nan_to_num(rays.at(depth_map.confidence))
-            placed = np.abs(uncertainty) <= 2.0 * surface_depth(rays.pupil, width)
-            placed &= is_known & (confidence >= CONFIDENCE_AT_EDGES)
+            placed = is_known & (confidence >= CONFIDENCE_AT_EDGES)
+            placed &= np.abs(uncertainty) <= 2.0 * surface_depth(rays.pupil, width)
             is_known = placed if placed.any() else is_known
             trust = confidence / np.maximum(error / in_pitches / _SMALL_ERROR, 1.0) ** 2
         trust = np.where(is_known & np.isfinite(trust), trust, 0.0)
@@ -336,16 +336,16 @@ def _picture_focus(rays: PixelRays, disparity: ArrayLike | None, z: float | None
         raise InvalidValueError(
             f"disparity has shape {disparities.shape}; give that of the shot, {shape}, or one number to refocus"
         )
-    if not np.isfinite(disparities).any():
+    known = np.isfinite(disparities) & (disparities != 0.0)
+    if not known.any():
         raise InvalidValueError("disparity is nowhere finite; give that of the pixels, such as truth.chord_disparity")
-    in_pitches = rays.camera.sensor.pixel_pitch / min(rays.array.pitches)
-    median = abs(float(np.median(disparities[np.isfinite(disparities)])))
+    in_pitches, median = rays.camera.sensor.pixel_pitch / min(rays.array.pitches), abs(np.median(disparities[known]))
     if not 0.0 < median * in_pitches < 1.0:
         raise InvalidValueError(
             f"disparity is {median:.3g} pixels in the median, and must lie between 0 and the pitch of "
             f"{1.0 / in_pitches:.3g}; give the disparity of a DepthMap, or a plane in mm as z="
         )
-    return rays.at(np.broadcast_to(disparities, shape)) * in_pitches, disparities.ndim > 0
+    return rays.at(np.broadcast_to(np.where(known, disparities, np.nan), shape)) * in_pitches, disparities.ndim > 0
 
 
 def _disparities_of_plane(rays: PixelRays, z: float) -> Floats:

@@ -14,7 +14,6 @@ from plenoptic.camera.gaussian import CameraKind, kind_of
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.displacement_table import DisplacementTable, DisplacementTables, throughput_and_displacement
 from plenoptic.lightfield.matching.image_stack import (
     MIN_MARGIN,
     ImageStack,
@@ -68,8 +67,6 @@ class MicroImages(NamedTuple):
     """(k, 2): lattice indices."""
     type: NDArray[np.int64]
     """(k,): type of the microlens."""
-    first_offset: Floats
-    """(k, 2): offset of the first row and column in the stack from the microlens's chief ray, pixels."""
     steps: NDArray[np.int64]
     """Steps from a microlens to its neighbours, in lattice indices."""
 
@@ -103,16 +100,12 @@ def _kinds(camera: PlenopticCamera, array: MicrolensArray) -> set[CameraKind]:
 
 
 def micro_images(
-    model: PinholeModel,
-    tables: DisplacementTables,
-    raw: RawArrays,
-    virtual_depths: tuple[float, float],
-    window_radius: int,
+    model: PinholeModel, raw: RawArrays, virtual_depths: tuple[float, float], window_radius: int
 ) -> MicroImages:
     """Cut a devignetted raw image into micro images, to be matched within a range of virtual depths of one sign."""
     camera, array = model.axes.camera, model.array
     pitch = min(array.pitches) / camera.sensor.pixel_pitch
-    centres = tables.centres
+    centres = microlens_centres(camera, CentreMethod.CHIEF_RAY)
     first, shape, inside_image = np.array(raw.first), raw.shot.shape[:2], raw.near(centres.pixel, 0.0)
     if np.count_nonzero(inside_image) < 3:
         raise InvalidValueError("the image holds fewer than three micro images; take a larger region")
@@ -146,28 +139,23 @@ def micro_images(
         pitch=pitch,
     )
     steps, row, column = neighbour_steps(array.lattice), rows[lens, y, 0], columns[lens, 0, x]
-    places = orthogonal - first, on_array, index, types, corner - centre
+    places = orthogonal - first, on_array, index, types
     micro = MicroImages(stack, (lens, y, x), row, column, *places, steps)
-    stack = _mask_and_displace(model, tables.image, micro, raw, radii < _CENTRE_RADIUS * pitch)
+    stack = _mask_and_displace(model, micro, raw, radii < _CENTRE_RADIUS * pitch)
     stack = stack._replace(noise_variance=noise_variance(values, variance, stack.mask > 0))
     return micro._replace(stack=_with_blur(stack, camera, array, types))
 
 
 def _mask_and_displace(
-    model: PinholeModel, table: DisplacementTable | None, micro: MicroImages, raw: RawArrays, central: NDArray[np.bool_]
+    model: PinholeModel, micro: MicroImages, raw: RawArrays, central: NDArray[np.bool_]
 ) -> ImageStack:
     """The stack without pixels lit by neighbours, with displacement from the pinhole model.
 
     Central pixels (k, n, n) are lit by no neighbour.
     """
     stack, lens = micro.stack, micro.lit[0]
-    if table is None:
-        pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
-        passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
-    else:
-        size = stack.mask.shape[1]
-        values = table.values(micro.on_array, micro.type, micro.first_offset, size, model.threads)
-        passed, displacement = throughput_and_displacement(values[micro.lit].astype(np.float64))
+    pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
+    passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
     throughput, light = (np.zeros(stack.mask.shape) for _ in range(2))
     coefficients = np.full((*stack.mask.shape, 2, 2), np.nan)
     throughput[micro.lit], light[micro.lit] = passed, raw.white[micro.row, micro.column].mean(axis=1)
