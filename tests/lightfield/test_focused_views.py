@@ -10,6 +10,7 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield import refocus, render_view, render_views
 from plenoptic.lightfield.focused.pixel_rays import pixel_rays
+from plenoptic.lightfield.kernels.splat import exp_minus
 from plenoptic.optics.lens.placement import rotation_about_axes
 
 LENS = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
@@ -223,6 +224,14 @@ def test_a_light_field_of_views_is_one_like_others(white):
     assert np.abs(off).max() < 3e-4 + 4 * np.nanmax(field.standard_error[1, 1, 8:-8, 8:-8])
     with pytest.raises(InvalidValueError, match="odd"):
         render_views(shot, white, shot.truth.chord_disparity, views=4)
+
+
+def test_weights_are_exponentials():
+    """Of x up to 10, at the rim of the widest window 4.5, to rounding; beyond it they vanish and stay positive."""
+    x = np.linspace(0.0, 10.0, 1001)
+    np.testing.assert_allclose([exp_minus(value) for value in x.tolist()], np.exp(-x), rtol=1e-13)
+    far = np.array([exp_minus(value) for value in (100.0, 1e3, 1e6, math.inf)])
+    assert (far >= 0).all() and (far < 1e-40).all()
 
 
 def test_errors_are_those_of_independent_pixels(white):

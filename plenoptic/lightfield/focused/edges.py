@@ -24,8 +24,7 @@ class Cells(NamedTuple):
     """n samples of a picture, sorted into cells (rows, columns) of one of its pixels each."""
 
     first: NDArray[np.int64]
-    """Index in `number` of the first sample of each cell, and the end of the last."""
-    number: NDArray[np.int64]
+    """Index of the first sample of each cell, and the end of the last."""
     origin: tuple[int, int]
     shape: tuple[int, int]
     position: Floats
@@ -45,9 +44,16 @@ def correct_edges(
     """
     from plenoptic.lightfield.kernels.depth_edges import fill_behind, fill_misfits
 
-    lens, light = rays.on_image(rays.lens, -1), radiance.mean(axis=1)
+    light = radiance.mean(axis=1)
     error = np.zeros_like(light) if variance is None else np.sqrt(variance).mean(axis=1)
+
+    def misfits(cells: Cells, rows: NDArray[np.int64], nearness: Floats) -> Floats:
+        position, misfit = picture_positions(rays, nearness, spacing)[rows], np.empty(len(rows))
+        fill_misfits(misfit, cells, depth, (position, nearness[rows], light[rows], rays.lens[rows]))
+        return misfit
+
     for _ in range(_ITERATIONS):
+        lens = _lenses_with_edges(rays, nearness, depth)
         behind = np.empty(lens.shape)
         fill_behind(behind, rays.on_image(nearness, np.nan), lens, depth, _MAX_FATTENING)
         other = rays.at(behind)
@@ -55,15 +61,21 @@ def correct_edges(
         if not len(candidates):
             break
         cells = _in_cells(rays, nearness, light, spacing)
-        light_and_lens = light[candidates], rays.lens[candidates]
-        position_behind = picture_positions(rays, other, spacing)
-        misfit, misfit_behind = np.empty(len(candidates)), np.empty(len(candidates))
-        fill_misfits(misfit, cells, depth, (cells.position[candidates], nearness[candidates], *light_and_lens))
-        fill_misfits(misfit_behind, cells, depth, (position_behind[candidates], other[candidates], *light_and_lens))
-        wrong = candidates[misfit_behind + error[candidates] < misfit]
+        misfit = misfits(cells, candidates, nearness)
+        doubtful = misfit > error[candidates]
+        candidates, misfit = candidates[doubtful], misfit[doubtful]
+        wrong = candidates[misfits(cells, candidates, other) + error[candidates] < misfit]
         nearness = nearness.copy()
         nearness[wrong] = other[wrong]
     return nearness
+
+
+def _lenses_with_edges(rays: PixelRays, nearness: Floats, depth: float) -> NDArray[np.int64]:
+    """Microlens of each pixel (H, W) of the raw image; -1 where its pixels all lie within a depth."""
+    first = np.flatnonzero(np.diff(rays.lens, prepend=-1))
+    span = np.fmax.reduceat(nearness, first) - np.fmin.reduceat(nearness, first)
+    has_edge = np.repeat(span > (1.0 - 1e-9) * depth, np.diff(first, append=len(nearness)))
+    return rays.on_image(np.where(has_edge, rays.lens, -1), -1)
 
 
 def picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floats:
@@ -73,18 +85,19 @@ def picture_positions(rays: PixelRays, nearness: Floats, spacing: float) -> Floa
 
 def _in_cells(rays: PixelRays, nearness: Floats, light: Floats, spacing: float) -> Cells:
     position = picture_positions(rays, nearness, spacing)
-    valid, cell = np.asarray(np.isfinite(position).all(axis=1)), np.rint(position)
-    low, high = cell[valid].min(axis=0, initial=0), cell[valid].max(axis=0, initial=0)
-    shape = (int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1)
-    first, number = sort_by_cell(cell - low, valid, shape)
-    return Cells(first, number, (int(low[0]), int(low[1])), shape, position, nearness, light, rays.lens)
+    valid, cell = np.isfinite(position[:, 0] + position[:, 1]), np.rint(position)
+    down, along = cell[valid].T
+    top, left = int(down.min(initial=0)), int(along.min(initial=0))
+    shape = (int(down.max(initial=0)) - top + 1, int(along.max(initial=0)) - left + 1)
+    first, number = sort_by_cell(cell - (top, left), valid, shape)
+    return Cells(first, (top, left), shape, position[number], nearness[number], light[number], rays.lens[number])
 
 
 def edge_weights(rays: PixelRays, nearness: Floats, blur: Floats, depth: float) -> Floats:
     """Weights (n,) of pixels, small near depth edges; `blur` is the radius of a point's image in pixels."""
     from plenoptic.lightfield.kernels.depth_edges import fill_edge_mask
 
-    lens = rays.on_image(rays.lens, -1)
+    lens = _lenses_with_edges(rays, nearness, depth)
     edge_mask = np.empty(lens.shape, dtype=np.uint8)
     fill_edge_mask(edge_mask, rays.on_image(nearness, np.nan), lens, rays.on_image(blur, 0.0), depth, _BLUR_RADIUS)
     return np.where(rays.at(edge_mask) > 0, _MIXED_WEIGHT, 1.0)

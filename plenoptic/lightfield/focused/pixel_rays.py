@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil, opening_width, paraxial_cone
-from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.report.illumination import clear_pupil
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -84,7 +85,7 @@ def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, 
     array, pupil = focused_array(camera), paraxial_pupil(camera)
     first, shape = np.array(raw.first), raw.shot.shape[:2]
     radius = _radius(camera, array, pupil)
-    centres = microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=max(array.pitches))
+    centres = _centres(camera, max(array.pitches))
     check_white(camera, white, centres)
     inside_image = np.flatnonzero(raw.near(centres.pixel, radius))
     centre = centres.pixel[inside_image][:, :, None, None]
@@ -106,6 +107,12 @@ def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, 
     )
     types, at_pupil = centres.type[inside_image][lens], through * pupil.vergence - slopes
     return PixelRays(camera, array, pupil, raw, row[used], column[used], lens, types, through, at_pupil, to_sensor)
+
+
+@functools.lru_cache(maxsize=4)
+def _centres(camera: PlenopticCamera, margin: float) -> MicrolensCentres:
+    """Centres of the micro images of a camera, those of the last cameras kept for further views."""
+    return microlens_centres(camera, CentreMethod.CHIEF_RAY, margin=margin)
 
 
 def _radius(camera: PlenopticCamera, array: MicrolensArray, pupil: Pupil) -> float:

@@ -67,10 +67,14 @@ class Near(NamedTuple):
     """Work arrays for the samples around a pixel."""
 
     number: NDArray[np.int64]
+    nearness: Floats
     weight: Floats
     cover: Floats
     down: Floats
     along: Floats
+    spread: Floats
+    """Offset from the pixel in widths of the window, and variance of the footprint beyond a pixel's, in their squares.
+    """
     fit_weight: Floats
 
 
@@ -126,23 +130,25 @@ def surface_depth(pupil: Pupil, spacing: float) -> float:
 
 def sort_splats(grid: Grid, on_array: Floats, samples: Splats) -> Splats:
     """Sort the samples on a grid by cell; `first` and `offset` follow from `on_array` (n, 2)."""
-    positions = on_array[:, ::-1] * (1.0, -1.0) / grid.spacing
+    positions = np.stack([on_array[:, 1] / grid.spacing, -on_array[:, 0] / grid.spacing], axis=1)
+    nearest = np.rint(positions)
+    cell, inside = nearest - grid.first, np.isfinite(samples.nearness)
     with np.errstate(invalid="ignore"):
-        nearest = np.rint(positions)
-        cell = nearest - grid.first
-        inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1) & np.isfinite(samples.nearness)
+        for along_axis, n in zip(cell.T, grid.shape, strict=True):
+            inside &= (along_axis >= 0) & (along_axis < n)
     first, order = sort_by_cell(cell, inside, grid.shape)
-    columns = [None if column is None else np.ascontiguousarray(column[order]) for column in samples[2:]]
-    return Splats(first, np.ascontiguousarray((positions - nearest)[order]), *columns)  # type: ignore[arg-type]
+    columns = [None if column is None else np.take(column, order, axis=0) for column in samples[2:]]
+    return Splats(first, np.take(positions - nearest, order, axis=0), *columns)  # type: ignore[arg-type]
 
 
 def sort_by_cell(
     cell: Floats, inside: NDArray[np.bool_], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Sort samples of cells (n, 2) that are inside: the first index of each cell with the end, and sample numbers."""
-    numbers = np.flatnonzero(inside)
-    flat = cell[numbers].astype(np.int64) @ (shape[1], 1)
-    first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=math.prod(shape)))]).astype(np.int64)
+    numbers, cells = np.flatnonzero(inside), math.prod(shape)
+    down, along = cell[numbers].T
+    flat = (down * shape[1] + along).astype(np.min_scalar_type(cells))  # the sort of short integers is linear
+    first = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=cells))]).astype(np.int64)
     return first, numbers[np.argsort(flat, kind="stable")]
 
 
@@ -174,8 +180,8 @@ def splat_picture(  # noqa: PLR0913
     capacity = _max_samples(splats.first, grid.shape, reach)
 
     def fill_rows(row: int) -> None:
-        near = Near(np.empty(capacity, dtype=np.int64), *np.empty((5, capacity)))
-        fit = np.empty(6), np.empty((6, 6)), np.empty(6)
+        near = Near(np.empty(capacity, dtype=np.int64), *np.empty((7, capacity)))
+        fit = np.empty(6), np.empty((6, 6))
         fill_view(canvas, splats, window, near, fit, (row, min(row + _ROWS, shape[0])))
 
     for _ in run_in_order(fill_rows, range(0, shape[0], _ROWS), threads=threads):

@@ -304,9 +304,8 @@ def _render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float],
             "sparse; take a point of the iris, -1 to 1, and no smaller aperture than a pixel sees"
         )
     # With all samples on one side of a pixel, the fitted function may diverge.
-    low, high = (
-        bound(splats.radiance, axis=0, where=np.isfinite(splats.radiance), initial=0.0) for bound in (np.min, np.max)
-    )
+    finite = [channel[np.isfinite(channel)] for channel in splats.radiance.T]
+    low, high = (np.array([bound(channel, initial=0.0) for channel in finite]) for bound in (np.min, np.max))
     return View(
         picture=np.clip(canvas.picture, low, high + OVERSHOOT * (high - low)).astype(np.float32),
         standard_error=None if canvas.variance is None else np.sqrt(canvas.variance).astype(np.float32),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from plenoptic.core.numba.jit import kernel
+from plenoptic.lightfield.kernels.splat import exp_minus
 
 _WIDTH = 0.6
 """Standard deviation of the averaging weights, in pixels of the picture."""
@@ -65,14 +66,14 @@ def fill_misfits(misfit, cells, depth, pixels):
     for k in range(len(misfit)):
         row, column = round(positions[k, 0]) - cells.origin[0], round(positions[k, 1]) - cells.origin[1]
         total, mean = 0.0, 0.0
+        low, high = max(0, column - _REACH), min(columns, column + _REACH + 1)
         for i in range(max(0, row - _REACH), min(rows, row + _REACH + 1)):
-            for j in range(max(0, column - _REACH), min(columns, column + _REACH + 1)):
-                for n in range(cells.first[i * columns + j], cells.first[i * columns + j + 1]):
-                    m = cells.number[n]
-                    if cells.lens[m] == lens[k] or not abs(cells.nearness[m] - nearness[k]) <= depth:
-                        continue
-                    down, along = cells.position[m, 0] - positions[k, 0], cells.position[m, 1] - positions[k, 1]
-                    weight = math.exp(-0.5 * (down * down + along * along) / (_WIDTH * _WIDTH))
-                    total += weight
-                    mean += weight * cells.light[m]
+            # Cells of a row follow each other.
+            for m in range(cells.first[i * columns + low], cells.first[i * columns + max(low, high)]):
+                if cells.lens[m] == lens[k] or not abs(cells.nearness[m] - nearness[k]) <= depth:
+                    continue
+                down, along = cells.position[m, 0] - positions[k, 0], cells.position[m, 1] - positions[k, 1]
+                weight = exp_minus(0.5 * (down * down + along * along) / (_WIDTH * _WIDTH))
+                total += weight
+                mean += weight * cells.light[m]
         misfit[k] = abs(light[k] - mean / total) if total > _MIN_WEIGHT else math.inf

@@ -29,13 +29,26 @@ _MIN_COVERAGE = 0.02
 
 
 @device
+def exp_minus(x):
+    """exp(-x) of x >= 0, without calls, so that loops are vectorised: a power series at x / 256, squared eight times.
+
+    Relative errors are below 6e-14 up to x = 10, and 3e-9 up to 40.
+    """
+    t = -0.00390625 * min(x, 512.0)
+    e = 1.0 + t * (1.0 + t * (1 / 2 + t * (1 / 6 + t * (1 / 24 + t * (1 / 120 + t * (1 / 720 + t * (1 / 5040)))))))
+    for _ in range(8):
+        e *= e
+    return e
+
+
+@device
 def _gather(near, splats, position, lens, window, width):
-    """Collect samples around a position, except those of a lens: indices, weights, coverages, offsets, number."""
+    """Collect samples around a position, except those of a lens, in `Near`; return their number."""
     y_centre, x_centre = position
     row, column = math.floor(y_centre + 0.5), math.floor(x_centre + 0.5)
     rows, columns = window.shape
     cells = math.ceil(CUT * math.sqrt(max(width * width, window.width * window.width + window.max_pixel_variance)))
-    scale, count = -0.5 / (width * width), 0
+    count = 0
     for i in range(max(0, row - cells), min(rows, row + cells + 1)):
         for j in range(max(0, column - cells), min(columns, column + cells + 1)):
             cell = i * columns + j
@@ -46,12 +59,20 @@ def _gather(near, splats, position, lens, window, width):
                 scaled_square = (y * y + x * x) / (CUT * CUT)
                 covering = window.width * window.width + splats.pixel[k]
                 if scaled_square < max(width * width, covering):
-                    scaled_square *= CUT * CUT
-                    near.number[count], near.down[count], near.along[count] = k, y, x
-                    near.weight[count] = math.exp(scale * scaled_square)
-                    density = math.exp(-0.5 * scaled_square / covering) / (2.0 * math.pi * covering)
-                    near.cover[count] = splats.area[k] * density
+                    near.number[count], near.nearness[count] = k, splats.nearness[k]
+                    near.down[count], near.along[count], near.spread[count] = y, x, splats.spread[k] - PIXEL
+                    near.weight[count], near.cover[count] = scaled_square * (CUT * CUT), covering
+                    near.fit_weight[count] = splats.area[k]
                     count += 1
+    # Vectorised.
+    scale = 0.5 / (width * width)
+    for j in range(count):
+        square, covering = near.weight[j], near.cover[j]
+        near.down[j] /= width
+        near.along[j] /= width
+        near.spread[j] /= width * width
+        near.weight[j] = exp_minus(scale * square)
+        near.cover[j] = near.fit_weight[j] * (exp_minus(0.5 * square / covering) / (2.0 * math.pi * covering))
     return count
 
 
@@ -60,32 +81,25 @@ def _next_layer(near, count, splats, behind, depth):
     """Nearness of the next surface behind a given one, its coverage of the pixel, its disparity and its far end."""
     nearest = -math.inf
     for j in range(count):
-        e = splats.nearness[near.number[j]]
+        e = near.nearness[j]
         if nearest < e < behind:
             nearest = e
     covered, mean, disparity = 0.0, 0.0, 0.0
     for j in range(count):
-        k = near.number[j]
-        e = splats.nearness[k]
+        e = near.nearness[j]
         if nearest - depth <= e < behind:
             covered += near.cover[j]
             mean += near.cover[j] * e
-            disparity += near.cover[j] * splats.disparity[k]
+            disparity += near.cover[j] * splats.disparity[near.number[j]]
     if covered <= 0.0:
         return math.nan, 0.0, math.nan, nearest - depth
     return mean / covered, covered, disparity / covered, nearest - depth
 
 
 @device
-def _fill_terms(terms, down, along, spread, width):
-    """Terms of a quadratic function at a sample: means over its footprint of variance `spread`."""
-    y, x, s = down / width, along / width, spread / (width * width)
-    terms[0] = 1.0
-    terms[1] = y
-    terms[2] = x
-    terms[3] = y * y + s
-    terms[4] = x * x + s
-    terms[5] = y * x
+def _terms(y, x, s):
+    """Terms of a quadratic function at a sample, but the constant 1: means over its footprint of variance s."""
+    return y, x, y * y + s, x * x + s, y * x
 
 
 @device
@@ -117,36 +131,55 @@ def _solve(solution, squares, order):
 
 
 @device
+def _fill_squares(squares, near, count, splats, window, middle):
+    """Weighted sums of products of the terms of a quadratic function over samples near a depth, and their weights."""
+    # In variables, which stay in registers.
+    s00 = s10 = s11 = s20 = s21 = s22 = s30 = s31 = s32 = s33 = s40 = s41 = s42 = s43 = s44 = 0.0
+    s50 = s51 = s52 = s53 = s54 = s55 = 0.0
+    for j in range(count):
+        near.fit_weight[j] = 0.0
+        if abs(near.nearness[j] - middle) > window.depth:
+            continue
+        w = near.weight[j] * splats.weight[near.number[j]]
+        near.fit_weight[j] = w
+        a, b, c, d, e = _terms(near.down[j], near.along[j], near.spread[j])
+        wa, wb, wc, wd, we = w * a, w * b, w * c, w * d, w * e
+        s00, s10, s20, s30, s40, s50 = s00 + w, s10 + wa, s20 + wb, s30 + wc, s40 + wd, s50 + we
+        s11, s21, s31, s41, s51 = s11 + wa * a, s21 + wb * a, s31 + wc * a, s41 + wd * a, s51 + we * a
+        s22, s32, s42, s52 = s22 + wb * b, s32 + wc * b, s42 + wd * b, s52 + we * b
+        s33, s43, s53 = s33 + wc * c, s43 + wd * c, s53 + we * c
+        s44, s54, s55 = s44 + wd * d, s54 + we * d, s55 + we * e
+    sums = s00, s10, s11, s20, s21, s22, s30, s31, s32, s33, s40, s41, s42, s43, s44, s50, s51, s52, s53, s54, s55
+    for p in range(6):
+        for q in range(p + 1):
+            squares[p, q] = sums[p * (p + 1) // 2 + q]
+
+
+@device
 def _fit_weights(near, count, fit, splats, window, middle, width):
     """Weights that turn samples near a depth into the fitted value at the pixel; return the number of terms.
 
     Returns 0 if the samples do not determine the function. In the widest window, a function of fewer terms is fitted.
     """
-    solution, squares, terms = fit
+    solution, squares = fit
     order, widest = window.terms, width > 0.99 * window.width * WIDER ** (WIDENINGS - 1)
     while order > 0:
-        squares[:] = 0.0
-        for j in range(count):
-            k = near.number[j]
-            near.fit_weight[j] = 0.0
-            if abs(splats.nearness[k] - middle) > window.depth:
-                continue
-            near.fit_weight[j] = near.weight[j] * splats.weight[k]
-            _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
-            for p in range(order):
-                for q in range(p + 1):
-                    squares[p, q] += near.fit_weight[j] * terms[p] * terms[q]
+        _fill_squares(squares, near, count, splats, window, middle)
         if squares[0, 0] > 0.0 and _solve(solution, squares, order):
             break
         # From a quadratic function to a linear one, to a constant.
         order = order // 2 if widest and order > 1 else 0
     for j in range(count):
-        k = near.number[j]
         if near.fit_weight[j] > 0.0 and order > 0:
-            _fill_terms(terms, near.down[j], near.along[j], splats.spread[k] - PIXEL, width)
-            value = 0.0
-            for p in range(order):
-                value += solution[p] * terms[p]
+            a, b, c, d, e = _terms(near.down[j], near.along[j], near.spread[j])
+            value = solution[0]
+            if order > 1:
+                value += solution[1] * a
+                value += solution[2] * b
+            if order > 3:
+                value += solution[3] * c
+                value += solution[4] * d
+                value += solution[5] * e
             near.fit_weight[j] *= value
     return order
 
