@@ -24,6 +24,7 @@ from typing import Any
 
 from numba.core import config, types
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.numba.code_digest import UnknownValueError, bytecode_text, code_digest
@@ -97,8 +98,8 @@ class KernelCache:
         path = self.path(signature, target)
         if path is None:
             return None
-        target.refresh()
         try:
+            rtsys.initialize(target)  # `refresh` would import all of Numba, which loading needs not
             digest, content = (whole := path.read_bytes())[:32], whole[32:]
             if digest != _digest(path.name, content):
                 return None
