@@ -93,10 +93,11 @@ def aim_round_run(blocks, at, run, points, u, regions, place):
             x, y = displaced_point(piece, (points[0, k], points[1, k]), (dx, dy))
             points[0, k], points[1, k] = piece.cell_x + x, piece.cell_y + y
             points[2, k], points[3, k] = points[0, k] - (centre[0] + dx), points[1, k] - (centre[1] + dy)
-        ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
-        for row, values in ((X, points[0]), (Y, points[1]), (L, points[2]), (M, points[3])):
-            ray[row + i : row + i + count] = values[:count]
-        for row, value in ((Z, piece.axis_x), (N, piece.axis_y), (WEIGHT, piece.area), (STATUS, 0.0)):
-            ray[row + i : row + i + count] = value
+        begin = (at // BLOCK) * RAY + at % BLOCK
+        for k in range(count):
+            blocks[begin + X + k], blocks[begin + Y + k] = points[0, k], points[1, k]
+            blocks[begin + L + k], blocks[begin + M + k] = points[2, k], points[3, k]
+            blocks[begin + Z + k], blocks[begin + N + k] = piece.axis_x, piece.axis_y
+            blocks[begin + WEIGHT + k], blocks[begin + STATUS + k] = piece.area, 0.0
         first += count
         at += count
