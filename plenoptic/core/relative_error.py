@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -182,10 +182,12 @@ def relative_error(image: AnyFloats, error: AnyFloats) -> float:
 def image_error(image: AnyFloats, error: AnyFloats) -> ImageError:
     """Relative error of an image (rows, columns, C) from standard errors of the same shape."""
     expected, bright, lower = (HighPercentile(_PERCENTILE, max_count=image[..., 0].size) for _ in range(3))
-    for strip in _strips(image, error):
+    is_small = image[..., 0].size <= _STRIP  # then its moments are kept for the second pass
+    strips = list(_strips(image, error)) if is_small else None
+    for strip in strips or _strips(image, error):
         for level, values in ((expected, strip.expected), (bright, strip.bright), (lower, _less_error(*strip[:2]))):
             level.add(values[values > 0])
-    sums = _sums_above(_threshold(expected), image, error)
+    sums = _sums_above(_threshold(expected), strips or _strips(image, error))
     rare = _few_dominate(*sums) or not _threshold(bright) <= _MAX_THRESHOLD_RATIO * _threshold(lower)
     return ImageError(_relative(sums, error), rare, sums.total * sums.total < _FEW * sums.sum_of_squares)
 
@@ -223,10 +225,10 @@ class _Sums(NamedTuple):
     n_pixels: int
 
 
-def _sums_above(threshold: float, image: AnyFloats, error: AnyFloats) -> _Sums:
+def _sums_above(threshold: float, strips: Iterable[_Moments]) -> _Sums:
     """Sums over lit pixels whose error is known."""
     total, sum_of_squares, count = 0.0, 0.0, 0
-    for strip in _strips(image, error):
+    for strip in strips:
         lit = (strip.expected > threshold) & ~np.isnan(strip.variance)
         squares = relative_squares(strip.expected[lit], strip.variance[lit])
         with np.errstate(over="ignore"):
@@ -236,7 +238,7 @@ def _sums_above(threshold: float, image: AnyFloats, error: AnyFloats) -> _Sums:
 
 
 def _relative(sums: _Sums, error: AnyFloats) -> float:
-    if any(np.isinf(row).any() for row in error):
+    if np.fmax.reduce(error, axis=None, initial=0.0) == math.inf:
         return math.inf
     if sums.n_pixels:
         return math.sqrt(sums.total / sums.n_pixels)

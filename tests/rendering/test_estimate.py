@@ -182,8 +182,8 @@ def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkey
     monkeypatch.setattr(estimating, "run_pilot", lambda *given, **more: pilots.append(given) or run(*given, **more))
     monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
     check(estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1))
-    # Twice the 32 of the first decision are the least from which it is known how an error falls.
-    assert [budget.samples for _, _, budget, *_ in pilots if budget.target_error is not None] == [64, 64]
+    # Twice the 8 of the first decision are the least from which it is known how an error falls.
+    assert [budget.samples for _, _, budget, *_ in pilots if budget.target_error is not None] == [16, 16]
     # With few samples there are no more pixels: 2^18 would take half a minute. At least two tiles, of one square each.
     pilots.clear()
     monkeypatch.setattr(estimating, "_PATHS", 1 << 18)

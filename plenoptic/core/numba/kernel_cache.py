@@ -24,7 +24,7 @@ from typing import Any
 
 from numba.core import config, types
 from numba.core.compiler import CompileResult
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.numba.code_digest import UnknownValueError, bytecode_text, code_digest

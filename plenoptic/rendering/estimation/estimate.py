@@ -24,7 +24,7 @@ from plenoptic.rendering.estimation.memory import resident_bytes
 from plenoptic.rendering.estimation.pilot import PilotRun, PilotTile, Region, pilot_tiles, run_pilot, whole_tiles
 from plenoptic.rendering.exposure_files import texts_of
 from plenoptic.rendering.film import in_whole_blocks, pools_errors
-from plenoptic.rendering.plan.stages import Plan, Subject
+from plenoptic.rendering.plan.stages import Plan, Stage, Subject
 from plenoptic.rendering.schedule.budget import Budget, checked_budget
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.time_history import time_history
@@ -183,13 +183,12 @@ def estimate(  # noqa: PLR0913
     workers = thread_count(threads)
     with CallProgress("estimating", kind="scene", show=progress):
         context = render_context(subject, seed_number(0))
-        available = available_truth(
-            requested, meshes=context.intersector is not None, microlenses=camera.microlenses is not None
-        )
+        meshes, microlenses = context.intersector is not None, camera.microlenses is not None
+        available = available_truth(requested, meshes=meshes, microlenses=microlenses)
         reduced_subject = Subject(scene, camera, budget.max_samples, budget.replicates, available, settings)
         sensor_pixels = sensor_region(camera.sensor.shape, region)
         pilots = _Pilots(context, reduced_subject, budget, sensor_pixels, workers)
-        by_error = target_error is not None and budget.enough < budget.max_samples
+        by_error = target_error is not None and pilots.budget.enough < budget.max_samples
         costs = _by_error(pilots) if by_error else _by_samples(pilots)
     result = _estimate(pilots, costs)
     time_history.record(subject, budget, sensor_pixels, workers, seconds=result.seconds.value)
@@ -214,7 +213,8 @@ class _Pilots:
     """Pilot runs of one render."""
 
     def __init__(self, context: RenderContext, subject: Subject, budget: Budget, region: Region, threads: int) -> None:
-        self.context, self.subject, self.budget, self.threads = context, subject, budget, threads
+        self.context, self.subject, self.threads = context, subject, threads
+        self.budget = budget = budget._replace(with_core=context.plan.runs(Stage.UNVIGNETTED_CORE))
         self.asked_pixels = (region[1] - region[0]) * (region[3] - region[2])
         pooled = pools_errors(budget.replicates, deflected=subject.camera.diffraction is not None)
         self.frame = frame = in_whole_blocks(region, subject.camera.sensor.shape) if pooled else region

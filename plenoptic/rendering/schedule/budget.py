@@ -26,6 +26,8 @@ _COARSE, _PASSES = 16, 256
 """Divisor of the sample number in the first of two passes, and the sample number from which there are two. The first
 pass covers all regions in case of an interruption. Each pass recomputes the illuminated pixels of large frames.
 """
+_WITH_CORE = 1.0
+"""Exponent of white images with an unvignetted core: it depends on the numbers of samples, and cannot be measured."""
 _PART = 0.6
 """Fraction of the affordable samples taken in a step, since the future pace is uncertain."""
 ENOUGH_OF_RARE = 1 << 12
@@ -42,6 +44,8 @@ class Budget(NamedTuple):
     """Seconds from the call."""
     target_error: float | None
     replicates: int
+    with_core: bool = False
+    """True for white images with an unvignetted core: few samples may suffice, and most of them form good nets."""
 
     @property
     def steps(self) -> bool:
@@ -66,7 +70,8 @@ class Budget(NamedTuple):
     @property
     def _start(self) -> int:
         """Samples of each replicate in the first step, a power of 2."""
-        return max(1 << (_START // self.replicates).bit_length() >> 1, _FEWEST_OF_EACH)
+        few = 0 if self.with_core else 1 << (_START // self.replicates).bit_length() >> 1
+        return max(few, _FEWEST_OF_EACH)
 
     @property
     def enough_of_rare(self) -> int:
@@ -74,10 +79,11 @@ class Budget(NamedTuple):
         return ENOUGH_OF_RARE if self.samples is None and self.time_limit is None else self.max_samples
 
     def following(self, done: int) -> int:
-        """Number of samples after the next step, at most a quarter more.
+        """Number of samples after the next step, at most a quarter more, or half below 32 samples.
 
         Steps are 4, 5, 6, 7 times the replicates times powers of 2, so that four of them double the samples; the first
-        one has about 32 samples. Under a time limit powers of 2 come before, so that all pixels get samples soon.
+        one has about 32 samples. With a core it has 4 of each replicate, and steps are 4 and 6 times powers of 2 up to
+        32 samples. Under a time limit powers of 2 come before, so that all pixels get samples soon.
         """
         if not self.steps:
             coarse = self.max_samples // _COARSE // self.replicates * self.replicates
@@ -86,7 +92,10 @@ class Budget(NamedTuple):
         if each < self._start:
             first = max(2 * each, 1) if self.time_limit is not None else self._start
             return min(first * self.replicates, self.max_samples)
-        return min((each + (1 << (each.bit_length() - 3))) * self.replicates, self.max_samples)
+        step = 1 << (each.bit_length() - 3)
+        if self.with_core and done < _START:
+            step = _FEWEST_OF_EACH
+        return min((each + step) * self.replicates, self.max_samples)
 
     def within(self, done: int, affordable: float) -> int:
         """Number of samples of the next step if only time limits the render: most of the affordable samples.
@@ -116,10 +125,12 @@ class Budget(NamedTuple):
         if before[0] and 0 < error < before[1] < math.inf:
             limit = self.max_samples
             exponent = min(max(math.log(before[1] / error) / math.log(done / before[0]), _FLAT), _STEEP)
+        if self.with_core:
+            exponent = _WITH_CORE
         if self.target_error < error < math.inf and self.time_limit is None:
             predicted = done * (error / self.target_error) ** (1 / exponent)
         step, predicted = self.following(done), min(predicted, limit, self.max_samples)
-        while step < predicted:
+        while step < predicted and (not self.with_core or self.following(step) <= predicted):
             step = self.following(step)
         return step
 

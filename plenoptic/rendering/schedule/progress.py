@@ -171,7 +171,7 @@ class Progress:
             rare.append(
                 (
                     is_dominated_by_few(squares[of_colour & lit]),
-                    not is_threshold_robust(*self.at_decision[:, of_colour]),
+                    not (self.budget.with_core or is_threshold_robust(*self.at_decision[:, of_colour])),
                 )
             )
         for i in np.flatnonzero(unfinished):

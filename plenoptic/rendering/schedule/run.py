@@ -25,7 +25,7 @@ from plenoptic.rendering.crop import samples_text
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.film import in_whole_blocks, pools_errors
 from plenoptic.rendering.plan.scene_stages import is_dark
-from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.clock import Clock
 from plenoptic.rendering.schedule.outcome import exposure_of, warn_if_late
@@ -114,6 +114,7 @@ def _set_up(
     if options.conditioning is not None:
         whole(options.conditioning, "conditioning", at_least=1, at_most=_MAX_CONDITIONED)
     context = render_context(subject, seed)
+    budget = budget._replace(with_core=context.plan.runs(Stage.UNVIGNETTED_CORE))
     if dark := context.scene is not None and is_dark(context.scene):
         assert subject.scene is not None
         cause = "no light of the scene emits" if subject.scene.lights else "nothing in the scene emits light"

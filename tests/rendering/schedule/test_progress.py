@@ -79,6 +79,16 @@ def test_steps_end_with_the_samples_and_many_are_rendered_in_two_passes(samples:
         assert budget.following(first) == samples
 
 
+@given(done=st.sampled_from([8, 16, 32, 40, 512]), excess=st.floats(1.06, 30.0))
+def test_with_a_core_samples_are_few_and_approached_from_below(done: int, excess: float):
+    budget = Budget(None, None, 0.01, 2, with_core=True)
+    steps = itertools.accumulate(range(6), lambda n, _: budget.following(n), initial=0)
+    assert list(steps) == [0, 8, 16, 24, 32, 40, 48]
+    # An error that falls like 1 / n needs `excess` times the samples.
+    aimed = budget.towards(done, 0.01 * excess, (done / 2, 0.02 * excess))
+    assert aimed == budget.following(done) or aimed <= done * excess < budget.following(aimed)
+
+
 @given(slope=st.floats(0.5, 0.9), target=st.floats(1e-3, 1.0), excess=st.floats(1.01, 30.0))
 def test_the_samples_that_are_needed_are_known_from_two_errors(slope: float, target: float, excess: float):
     # Errors fall like n^-slope: what is predicted reaches the target, and a step less would not.
