@@ -57,6 +57,7 @@ CAMERAS |= {
     "thin lens": camera_with(lens=the_lens(model=pl.LensModel.THIN)),
     "large sensor": dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(8192, 8192), pixel_pitch=0.003)),
 }
+ALONE = bare_camera(the_lens(model=pl.LensModel.THIN), 123.3)
 MORE_CAMERAS = {
     "round openings": camera_with(aperture=opening(0.8, pl.optics.Gaps.OPAQUE)),
     "clear gaps": camera_with(aperture=opening(0.7, pl.optics.Gaps.CLEAR)),
@@ -139,6 +140,7 @@ def test_other_stops_leave_no_unvignetted_core():
         (camera_with(2.0), "changes more over a pixel than over a microlens"),
         (MORE_CAMERAS["star"], "no circle and no polygon"),
         (dataclasses.replace(CAMERA, **COLOURS), "wavelengths"),
+        (ALONE, "ellipse"),
     ):
         (said,) = (d for d in pl.plan(None, camera).decisions if d.stage is Stage.UNVIGNETTED_CORE)
         assert not said.runs and why in said.reason, why
@@ -150,6 +152,16 @@ def test_other_stops_leave_no_unvignetted_core():
             camera, pixel_centres(camera, (250, 258), (250, 258)), np.arange(64), with_core=True
         ).regions
         assert not regions.pieces["has_core"][: regions.first[-1]].any(), name
+
+
+def test_white_images_of_an_ideal_lens_alone_are_those_of_a_sky():
+    settings = {"samples": 16, "region": np.s_[:16, :16], "progress": False}
+    white, sky = pl.render_white(ALONE, **settings), render_sky(ALONE, **settings)
+    assert np.array_equal(white.image, sky.image) and not white.stats.lost
+    # What is left is the cosine^4 over the pupil; rims would be 0.2 %.
+    assert white.relative_error < 0.001
+    blades = dataclasses.replace(ALONE, lens=ALONE.lens.with_stop(pl.PolygonStop(6, 5.0)))
+    assert pl.plan(None, blades).runs(Stage.UNVIGNETTED_CORE)
 
 
 def test_pixels_that_see_very_many_microlenses_are_traced_whole():

@@ -138,15 +138,17 @@ def no_core_reason(camera: PlenopticCamera) -> str:
     Something other than round or polygonal openings of the lens and straight sides of microlenses stops light, or the
     core contributes little to the noise.
     """
-    array, parts = camera.microlenses, assembly(camera)
+    array, parts, lens = camera.microlenses, assembly(camera), openings(camera.lens, camera.wavelength)
     if any(map(len, camera.blemishes)):
         return "dust stops light"
-    if not openings(camera.lens, camera.wavelength).exact.all():
+    if not lens.exact.all():
         return "an opening is no circle and no polygon"
     if camera.sensitivity is not None:
         return "the noise is that of the wavelengths"
     if array is None:
-        return ""
+        is_round = np.isfinite(lens.semi_diameter2).sum() == 1 and not lens.edges.size
+        is_ellipse = is_round and camera.lens.model is not LensModel.EXACT
+        return "each point sees an ellipse, in which no path is lost" if is_ellipse else ""
     if array.is_plate:
         return "plates displace rays before their rims stop them"
     if array.walls is Walls.OPAQUE:

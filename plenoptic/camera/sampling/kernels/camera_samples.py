@@ -281,7 +281,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
                 continue
         for k in range(run):
             at = path - start + k
-            ray, i = blocks[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], at % BLOCK
+            ray, i = blocks, (at // BLOCK) * RAY + at % BLOCK
             # A point on the pixel.
             across, down = u[0, k] - 0.5, u[1, k] - 0.5
             dx, dy = pixel.width * across, pixel.height * down
@@ -297,7 +297,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
                 if source < 0:
                     _set_lost(ray, i, BENT_IN if source == _OUTSIDE else MISSED)
                     if core is not None:
-                        _set_lost(core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY], i, 0.0)
+                        _set_lost(core, i, 0.0)
                     if source == _DISTANT:
                         deflected.distant[n_distant] = at
                         n_distant += 1
@@ -316,7 +316,7 @@ def fill_camera_samples(blocks, core, lenslets, deflected, start, n, batch, illu
             # A point in the region.
             region, start_point = (low, high), (on_sensor, in_pixel)
             if core is not None:
-                core_ray = core[(at // BLOCK) * RAY : (at // BLOCK + 1) * RAY]
+                core_ray = core
                 if high - low <= MAX_PIECES:
                     split_region(split, regions, region, in_pixel)
                     chosen = aim_with_core(ray, core_ray, i, split, regions, region, start_point, random)
@@ -351,7 +351,7 @@ def fill_distant_samples(blocks, lenslets, distant, regions):
     """Aim paths `distant` (n,) from the points at which their light was aimed, towards the regions of these points."""
     details = regions.details
     for k in range(distant.size):
-        ray, i = blocks[(distant[k] // BLOCK) * RAY : (distant[k] // BLOCK + 1) * RAY], distant[k] % BLOCK
+        ray, i = blocks, (distant[k] // BLOCK) * RAY + distant[k] % BLOCK
         start, random, weights = (ray[X + i], ray[Y + i]), (ray[L + i], ray[M + i]), (ray[Z + i], ray[N + i])
         if regions.first[k] == regions.first[k + 1]:
             _set_lost(ray, i, MISSED)
