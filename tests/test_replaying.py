@@ -168,6 +168,32 @@ def lit_room():
     return pl.Scene(meshes, lights, background=pl.EnvironmentMap(np.random.default_rng(6).random((8, 16, 3))))
 
 
+def many_lamps():
+    """Of which one is chosen, by its contribution: some lie behind the wall."""
+    random, wall = (
+        np.random.default_rng(8),
+        pl.quad((-40, -40, -430), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(0.5)),
+    )
+    places = random.uniform((-9, -9, -460), (9, 9, -380), (20, 3))
+    lamps = [pl.QuadLight.facing(place, (0, 0, -430), (2, 3), radiance=9.0) for place in places]
+    return pl.Scene([wall], lamps)
+
+
+def test_the_chosen_light_is_the_one_that_is_named():
+    scene = many_lamps()
+    ways = assert_replayed(shoot(scene), scene, pixels=[(0, 0)])
+    events = [
+        event for way in ways for event in way.bounces if event.light is not None and event.light.point is not None
+    ]
+    assert len(events) > 10
+    for event in events:
+        lamp = scene.lights[event.light.place.object - len(scene.meshes)]
+        off, u, v = event.light.point - lamp.center, lamp.edge_u, lamp.edge_v
+        assert abs(off @ u) <= 0.5 * u @ u and abs(off @ v) <= 0.5 * v @ v
+        # Shadow rays end a little before the lamp.
+        assert abs(off @ np.cross(u, v)) < 1e-3 * np.linalg.norm(np.cross(u, v))
+
+
 def textured():
     wall = pl.quad((-40, -40, -410), (80, 0, 0), (0, 80, 0), material=pl.Lambertian(CHECKER))
     return pl.Scene([wall], [pl.lights.PointLight((6, 6, -370), 150.0)], background=0.1)

@@ -145,10 +145,10 @@ def build_record(
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
     two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
     emitters = None
-    if geometry is not None and np.any(radiance):
+    if geometry is not None and surfaces.triangle_mesh is not None and np.any(radiance):
         # Halves first: sums of the largest numbers would overflow.
         exitance = (radiance / (2 * channels)).sum(axis=1) * (1 + two_sided)
-        emitters = Emitters(geometry, exitance, instances)
+        emitters = Emitters(geometry, exitance, instances, surfaces.triangle_mesh)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
     emitter_record, pdf = lights_record(

@@ -19,6 +19,7 @@ DIMENSIONS = 4
 _JOE_KUO = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 
 _TO_UNIT = 2.0**-32
+_UNIT_53 = 2.0**-53
 
 
 def _direction_numbers() -> np.ndarray:
@@ -113,6 +114,12 @@ def shuffle_index(index, seed):
 def sample(index, dimension, key):
     """Coordinate of a scrambled point of the set that `key` names."""
     return to_unit(scramble_bits(reversed_point(index, dimension), np.uint32(mix(key, np.uint64(dimension)))))
+
+
+@device
+def random_number(key, index, salt):
+    """Random number in [0, 1), independent of the Sobol points."""
+    return np.float64(mix(mix(key, salt), np.uint64(index)) >> np.uint64(11)) * _UNIT_53
 
 
 @kernel

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.kernels import sobol
-from plenoptic.rendering.integrator.ray_queue import RayQueue, Wavelengths
+from plenoptic.rendering.integrator.kernels.choose_lights import (
+    CHOICE_ROWS,
+    FACTOR,
+    add_candidate,
+    begin_choice,
+    end_choice,
+    set_candidate,
+)
+from plenoptic.rendering.integrator.kernels.direct_light import eval_direct
+from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavelengths
 from plenoptic.scene.geometry.geometry_records import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
 from plenoptic.scene.geometry.kernels.interaction import fill_interactions
 from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
@@ -33,6 +42,7 @@ class InteractionStage:
         )
         n_lights = capacity if lights else 0
         self._drawn = DrawnLights(np.empty((n_lights, DRAWN_COLUMNS)), np.empty((n_lights, channels)))
+        self._choice = np.empty((CHOICE_ROWS, n_lights if scene.lights.candidates > 1 else 0))
 
     def evaluate(
         self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths
@@ -54,8 +64,27 @@ class InteractionStage:
                 parameters.apply_normal_map(surfaces, hits, queue.rays, geometry, normal)
         return surfaces
 
-    def draw_lights(self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths) -> DrawnLights:
-        """Sample one light for each interaction."""
+    def draw_lights(
+        self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths, shadow: ShadowRays
+    ) -> DrawnLights:
+        """Sample one light for each interaction. `shadow` is room for contributions of lights."""
+        count, choice, bsdf = self._scene.lights.candidates, self._choice, self._scene.bsdf
+        if count == 1:
+            return self._draw(interactions, queue, wavelengths)
+        begin_choice(choice, interactions)
+        for k in range(count):
+            set_candidate(choice, interactions, k, count)
+            drawn = self._draw(interactions, queue, wavelengths)
+            add_candidate(
+                choice, interactions, shadow, eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths)
+            )
+        end_choice(choice, interactions, count)
+        drawn, n = self._draw(interactions, queue, wavelengths), len(interactions.path)
+        drawn.radiance[:n] *= choice[FACTOR, :n, None]
+        return drawn
+
+    def _draw(self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths) -> DrawnLights:
+        """Draw a light for each interaction by its random numbers."""
         scene, drawn, bsdf = self._scene, self._drawn, self._scene.bsdf
         assert bsdf is not None
         emitters = scene.geometry, scene.emission, scene.alpha, scene.lights

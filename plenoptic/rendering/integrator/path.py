@@ -183,7 +183,7 @@ class PathIntegrator:
         """Add direct light and sample the scattered rays; return their number."""
         interactions = self._stage.evaluate(self._queue, hits, self._path_keys(), bounce, wavelengths)
         if self._lights:
-            drawn = self._stage.draw_lights(interactions, self._queue, wavelengths)
+            drawn = self._stage.draw_lights(interactions, self._queue, wavelengths, self._shadow)
             shadow, blocked = self._add_direct(radiance, interactions, drawn, wavelengths)
             if observer is not None:
                 observer.on_direct_light(interactions, drawn, shadow, blocked)

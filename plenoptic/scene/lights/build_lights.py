@@ -44,6 +44,8 @@ from plenoptic.scene.materials.build_materials import color_rows
 _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
 depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
+_CANDIDATES, _MANY = 4, 12
+"""Lights of which one is chosen by its contribution, and the number of lights in a scene from which on that pays."""
 _TEXELS_PER_GUIDE = 4
 _LEFT = 0.75
 """Fraction of a map's mean radiance that is left to scattered rays. All of it would raise the variance under a map with
@@ -57,6 +59,8 @@ class Emitters(NamedTuple):
     exitance: Floats
     """(nm,): half of mean emitted radiance times sides that emit."""
     instances: InstanceRecord | None
+    triangle_mesh: NDArray[np.int32]
+    """(nt,): number of each triangle's mesh."""
 
 
 def lights_record(
@@ -115,8 +119,20 @@ def lights_record(
             environment=environment,
         ),
         far=2 * diameter + 1.0,
+        candidates=_CANDIDATES if _number_of_lights(items, emitters) >= _MANY else 1,
     )
     return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None
+
+
+def _number_of_lights(items: NDArray[Any] | None, emitters: Emitters | None) -> int:
+    """Number of meshes and their places, points and distant lights that are drawn."""
+    if items is None:
+        return 0
+    is_area = items["kind"] == TRIANGLE
+    if emitters is None or not is_area.any():
+        return len(items)
+    places = np.stack([emitters.triangle_mesh[items["row"][is_area]], items["instance"][is_area]])
+    return len(np.unique(places, axis=1).T) + int(np.count_nonzero(~is_area))
 
 
 def _triangle_powers(
@@ -125,7 +141,7 @@ def _triangle_powers(
     """Triangles that emit, in their places, with their powers; and power per area of each material."""
     if emitters is None:
         return np.empty(0, np.int64), np.empty(0, np.int32), np.empty(0), np.empty(0)
-    geometry, _, instances = emitters
+    geometry, instances = emitters.geometry, emitters.instances
     exitance = 2 * math.pi * (emitters.exitance / unit)
     shines = exitance[geometry.triangle_material] > 0
     parts: list[Any] = [(0, len(geometry.triangles) if instances is None else instances.plain, None)]

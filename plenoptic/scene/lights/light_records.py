@@ -98,6 +98,8 @@ class Lights(NamedTuple):
     sky: Sky
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""
+    candidates: int
+    """Lights that are drawn at an interaction. One of them is chosen by its contribution."""
 
 
 class DrawnLights(NamedTuple):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.scene.lights import build_lights
 from plenoptic.truth.channels import Truth
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -278,6 +279,28 @@ def test_the_light_of_a_map_and_that_of_a_lamp_add_up():
         for seed, case in enumerate(cases)
     )
     assert_same(both, mixed(alone, [1, 1]), most_error=2e-3)
+
+
+def many_lamps():
+    """Lamps of all kinds and brightnesses; some face away, or are hidden by the still life."""
+    random = np.random.default_rng(4)
+    lamps = [pl.lights.PointLight((6, -3, -30), (40.0, 80.0, 20.0)), pl.SunLight((0.3, -0.2, -1.0), 0.2)]
+    lamps.append(pl.lights.SphereLight((-9, 6, -34), 1.0, radiance=(5.0, 2.0, 1.0)))
+    for x, y in random.uniform(-14, 14, (15, 2)):
+        target, radiance = random.normal((0, 0, -40), 6), 10 ** random.uniform(-0.5, 1.5)
+        lamps.append(pl.QuadLight.facing((x, y, random.uniform(-32, -20)), target, (1.5, 2.0), radiance=radiance))
+    return lamps
+
+
+@pytest.mark.parametrize("material", [MATT, pl.Conductor(0.9, alpha=0.1), pl.MetallicRoughness(0.7, 0.3, 0.4)])
+def test_lamps_of_which_one_is_chosen_bring_what_all_bring(monkeypatch, material):
+    """By its contribution, of four; or each that is drawn counts, with more noise."""
+    meshes, lamps, settings = still(material), many_lamps(), {"samples": 1024, "max_bounces": 2, "replicates": 16}
+    chosen = shoot(pl.Scene(meshes, lamps), **settings)
+    monkeypatch.setattr(build_lights, "_MANY", 99)
+    drawn = shoot(pl.Scene(meshes, lamps), seed=1, **settings)
+    assert_same(chosen, drawn, most_error=0.03)
+    assert np.mean(chosen.standard_error**2) < 0.85 * np.mean(drawn.standard_error**2)
 
 
 def test_a_texture_of_one_value_is_that_value():

@@ -192,3 +192,22 @@ def test_ten_thousand_lights_keep_their_shares():
     last = np.flatnonzero(power)[-1]
     assert np.searchsorted(lights.cdf, np.nextafter(1.0, 0.0), side="right") == last
     assert (lights.cdf[last:] == 1.0).all()
+
+
+def test_of_many_lights_several_are_drawn():
+    """A ball of many triangles is one light, a mesh in several places several."""
+    lamp, ball = square(pl.Emissive(1.0)), pl.sphere(1.0, center=(0, 0, 5), material=pl.Emissive(1.0))
+    lamps, points = [lamp.translated(z=k) for k in range(10)], ONE_OF_EACH[:1]
+    places = np.tile(np.eye(4), (11, 1, 1))
+    places[:, 2, 3] = np.arange(11)
+    for meshes, lights, expected in (
+        ([*lamps, ball], [], 1),
+        ([*lamps, ball], points, 4),
+        ([pl.scene.Instances(ball, places)], [], 1),
+        ([pl.scene.Instances(ball, places)], points, 4),
+        ([], 11 * points, 1),
+        ([], 12 * points, 4),
+        ([ball], [], 1),
+        ([], [], 1),
+    ):
+        assert lights_of(meshes, lights).candidates == expected

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from plenoptic.core.kernels.sobol import mix
+from plenoptic.core.kernels.sobol import random_number
 from plenoptic.core.kernels.vectors import dot, fill_vector, frame_about, negate, row_vector, scale
 from plenoptic.core.kernels.wavelengths import wavelength_index
-from plenoptic.core.numba.jit import device, kernel
+from plenoptic.core.numba.jit import kernel
 from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
 from plenoptic.scene.geometry.geometry_records import NORMAL, SHADING_NORMAL
 from plenoptic.scene.materials.kernels.bsdf import sample, surface_at
 
 _ROULETTE, _LOBE = np.uint64(311), np.uint64(312)
-_UNIT_53 = 2.0**-53
-
-
-@device
-def _random_number(key, index, salt):
-    """Random number in [0, 1), independent of the Sobol points."""
-    return np.float64(mix(mix(key, salt), np.uint64(index)) >> np.uint64(11)) * _UNIT_53
 
 
 @kernel
@@ -57,7 +50,7 @@ def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_rou
         lobe = 0.0
         if glass_index is not None:
             if surface.eta > 0.0 and surface.roughness > 0.0:
-                lobe = _random_number(key, index, _LOBE)
+                lobe = random_number(key, index, _LOBE)
         for c in range(channels):
             f[c] = base_color[i, c]
         direction, pdf, radiance_scale = sample(
@@ -75,7 +68,7 @@ def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_rou
         if pdf == 0.0 or cosine * direction[2] <= 0.0 or not largest > 0.0:
             continue
         if russian_roulette and largest < 1.0:
-            if _random_number(key, index, _ROULETTE) >= largest:
+            if random_number(key, index, _ROULETTE) >= largest:
                 continue
             radiance_scale /= largest
         fill_vector(next_rays, n_rays, 0, leaving_point(rows, i, cosine))
