@@ -37,16 +37,18 @@ _probed: list[bool] = []
 def make_dispatcher(function: Callable[..., Any], *, is_kernel: bool) -> Any:
     """Dispatcher of a kernel, whose code is kept on disk, or of a function that kernels call."""
     dispatcher: Any = None
+    # Loops that call a function are vectorised only if it is inlined.
+    options = _OPTIONS | ({} if is_kernel else {"forceinline": True})
     if chosen := deviations():
         without = {"no_cfunc_wrapper": True} | ({} if is_kernel else {"no_cpython_wrapper": True})
-        options = _OPTIONS | (without if "no_wrappers" in chosen else {})
+        lean = options | (without if "no_wrappers" in chosen else {})
         try:
             make: Any = KernelDispatcher if is_kernel else CPUDispatcher
-            dispatcher = make(function, targetoptions=options, pipeline_class=KernelCompiler)
+            dispatcher = make(function, targetoptions=lean, pipeline_class=KernelCompiler)
         except (AttributeError, TypeError) as error:
             leave_all_out(error)
     if dispatcher is None:
-        dispatcher = numba.jit(**_OPTIONS, pipeline_class=KernelCompiler)(function)
+        dispatcher = numba.jit(**options, pipeline_class=KernelCompiler)(function)
     if is_kernel:
         dispatcher._cache = KernelCache(function)
     else:

@@ -24,3 +24,26 @@ class LightLibrary(JITCodeLibrary):
             else:
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
+
+
+class CalleeLibrary(LightLibrary):
+    """Library of a function that kernels call: they optimise it, inlined, and it needs no machine code."""
+
+    def _optimize_final_module(self) -> None:
+        """Left to the kernels."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Nobody calls it by address."""
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """Numba sets the environment of machine code by its code generator."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Without machine code there is none."""

@@ -8,7 +8,7 @@ from numba.core.typed_passes import AnnotateTypes, NopythonRewrites
 from numba.core.untyped_passes import InlineClosureLikes, WithLifting
 
 from plenoptic.core.numba.borrowed_arrays import BorrowedArrays
-from plenoptic.core.numba.library import LightLibrary
+from plenoptic.core.numba.library import CalleeLibrary, LightLibrary
 from plenoptic.core.numba.typing_context import KernelTyping
 
 _UNUSED = (WithLifting, InlineClosureLikes, NopythonRewrites)
@@ -20,7 +20,8 @@ def apply(chosen: frozenset[str], state: Any, passes: Any) -> None:
     if chosen & {"lean_pipeline", "one_integer"}:
         state.typingctx = KernelTyping(state.typingctx, chosen)
     if "lean_pipeline" in chosen:
-        state.library = LightLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        library = CalleeLibrary if state.flags.no_cpython_wrapper else LightLibrary
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
         passes.passes = [one for one in passes.passes if one[0] not in _UNUSED]
     if "borrowed_arrays" in chosen:
