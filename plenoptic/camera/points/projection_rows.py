@@ -13,29 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes, array_axes
-from plenoptic.camera.points.projection_light import REPLICATES, PointRays, SensorLight, light_of_points, unique_rows
-from plenoptic.camera.psf.psf_results import centroids
-from plenoptic.camera.psf.sensor_hits import ForwardRecord
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, RayTask, ray_tasks, trace_task
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
-from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lenslets import Lenslets, lenses_in_boxes, lenses_of
+from plenoptic.optics.microlens.lenslets import Lenslets, lenses_of
 
-_RING_RADII = (0.75, 0.5, 0.25)
-"""Radii of the rings of entry points, relative to the polygon through which light enters."""
+REPLICATES = 32
+"""Independent scramblings of the rays of a point, for the standard error."""
+_RING_RADII = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Radii of the rings of entry points, relative to the corners of the polygon through which light enters."""
 _BOX_FACTOR = 1.25
 """Factor on the size of the box around the light in which microlenses are searched."""
-_POINTS = 128
-"""Points whose rows are computed together."""
 _AIM_TOLERANCE = 1e-10
 _TRIALS = 40
-_LEAST_GAIN = 0.999
-"""Ratio of residuals of two steps above which the method has no solution to go to."""
 _STEP = 1e-5
 """Distance of the rays for finite differences, over the size of the entrance pupil."""
 
@@ -55,7 +50,7 @@ class EntranceRays(NamedTuple):
     def through(self, points: Floats, entry: Floats) -> RayBundle:
         """Rays from points (n, 3) through points (n, 2) of the entrance plane."""
         start = np.column_stack([entry, np.full(len(entry), self.z)])
-        return RayBundle.through(start, start - points, self.wavelength)
+        return RayBundle(start, start - points, self.wavelength)
 
 
 def entrance_rays(record: ForwardRecord) -> EntranceRays:
@@ -133,14 +128,11 @@ def aim_rays(entrance: EntranceRays, aim: Aim, points: Floats, targets: Floats, 
             step *= (step_fraction[active] * np.minimum(1.0, 4.0 * size / length))[:, None]
             trial = entry_points[active] + step
             trial_residual, trial_jacobian = evaluate(trial, active)
-            trial_distance = np.hypot(*trial_residual.T)
-            improved = trial_distance < distance[active]
+            improved = np.hypot(*trial_residual.T) < distance[active]
             rows = active[improved]
             entry_points[rows], residual[rows] = trial[improved], trial_residual[improved]
             jacobian[rows] = trial_jacobian[improved]
             step_fraction[active] = np.where(improved, 1.0, 0.25 * step_fraction[active])
-            # At the edge of what the lens images, the residual only creeps.
-            step_fraction[active[improved & (trial_distance > _LEAST_GAIN * distance[active])]] = 0.0
         entry_points[~(np.hypot(*residual.T) <= limit)] = np.nan
     return entry_points
 
@@ -168,6 +160,49 @@ def solve_2x2(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(numerators / (a * d - b * c)[:, None])
 
 
+class SensorLight(NamedTuple):
+    """Light of points that reaches the sensor, a row for each point and microlens."""
+
+    keys: NDArray[np.int64]
+    """(k, 3): index of the point and lattice indices of the microlens, sorted; 0, 0 without microlenses."""
+    moments: Floats
+    """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
+
+
+def _light_of(record: ForwardRecord, tasks: list[RayTask], rays_per_replicate: int, threads: int) -> SensorLight:
+    """Trace tasks with a total of `rays_per_replicate` rays for every point and replicate."""
+
+    def trace_sums(task: RayTask) -> tuple[NDArray[np.int64], Floats]:
+        rows = trace_task(record, task, np.uint64(0)).rows
+        lens, row_of_lens = _unique_rows(np.column_stack([rows["first"], rows["second"]]))
+        sums = np.empty((len(lens), 3))
+        for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
+            sums[:, k] = np.bincount(row_of_lens, amount, minlength=len(lens))
+        return lens, sums / rays_per_replicate
+
+    parts = list(run_in_order(trace_sums, tasks, threads=threads))
+    counts = [len(lens) for lens, _ in parts]
+    number = np.repeat([task.number for task in tasks], counts).astype(np.int64)
+    replicate = np.repeat([task.replicate for task in tasks], counts).astype(np.int64)
+    index = np.concatenate([np.empty((0, 2), np.int64), *(lens for lens, _ in parts)])
+    keys, row = _unique_rows(np.column_stack([number, index]))
+    moments = np.zeros((len(keys), REPLICATES, 3))
+    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
+    return SensorLight(keys, moments)
+
+
+def _unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Unique rows (k, c) of integers (n, c), sorted, and the index of each row among them (n,)."""
+    if not len(keys):
+        return keys, np.empty(0, np.int64)
+    order = np.lexsort(keys.T[::-1])
+    ordered = keys[order]
+    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
+    row = np.empty(len(keys), np.int64)
+    row[order] = np.cumsum(new) - 1
+    return ordered[new], row
+
+
 class Rows(NamedTuple):
     """Rows of a projection, one for each point and microlens that images it."""
 
@@ -179,47 +214,22 @@ class Rows(NamedTuple):
     """(k, 2): intersection of the chief ray with the sensor, in its own axes; nan if there is none."""
     passes: NDArray[np.bool_]
     """(k,): True if the chief ray is not vignetted."""
-    light: Floats
-    light_error: Floats
-    """(k,): light and its standard error."""
-    centroid: Floats
-    centroid_error: Floats
-    """(k, 2): centroid of the light on the sensor and its standard error, in mm; not finite without light."""
+    moments: Floats
+    """(k, replicates, 3): light, and light times x and y."""
     entering: Floats
     """(k, 2): entry point of the ray that represents the light."""
 
 
 def trace_rows(record: ForwardRecord, points: Floats, rays_per_replicate: int, threads: int) -> Rows:
     """Compute the rows of points (n, 3) in the lens's axes."""
-    polygons, array = entrance_polygons(record.entrance, points), record.camera.microlenses
-    starts = range(0, max(len(points), 1), _POINTS)
-    # A few points with many rays are traced by all threads.
-    workers = threads if len(starts) == 1 else 1
-
-    def trace(start: int) -> Rows:
-        number = np.arange(start, min(start + _POINTS, len(points)))
-        lit = number[np.isfinite(polygons[number, 0, 0])]
-        rays = PointRays(lit, points[lit], polygons[lit])
-        focuses = array is None or array.model.focuses
-        light = light_of_points(record, rays, rays_per_replicate if focuses else 0, workers)
-        if array is None:
-            return _rows_through_iris(record, number, points[number], rays, light)
-        return _rows_through_microlenses(record, array, rays, light)
-
-    parts = run_in_order(trace, starts, threads=threads)
-    columns = [None if part[0] is None else np.concatenate(part) for part in zip(*parts, strict=True)]
-    return Rows(*columns)  # type: ignore[arg-type]
+    tasks, array = ray_tasks(record, points, REPLICATES, rays_per_replicate), record.camera.microlenses
+    if array is None:
+        return _rows_through_iris(record, points, _light_of(record, tasks, rays_per_replicate, threads))
+    light = _light_of(record, tasks if array.model.focuses else [], rays_per_replicate, threads)
+    return _rows_through_microlenses(record, array, points, tasks, light)
 
 
-def _statistics(moments: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Light, its error, centroids and their errors from moments (k, replicates, 3)."""
-    light = np.ascontiguousarray(moments[:, :, 0])
-    return light.mean(axis=1), light.std(axis=1, ddof=1) / np.sqrt(REPLICATES), *centroids(moments)
-
-
-def _rows_through_iris(
-    record: ForwardRecord, number: NDArray[np.int64], points: Floats, rays: PointRays, light: SensorLight
-) -> Rows:
+def _rows_through_iris(record: ForwardRecord, points: Floats, light: SensorLight) -> Rows:
     """Rows of a camera without microlenses, one for each point."""
     entrance, n = entrance_rays(record), len(points)
     aim, centre = through_iris(record, entrance.bare)
@@ -228,12 +238,11 @@ def _rows_through_iris(
     # Towards the centre of the paraxial entrance pupil.
     start = points[:, :2] * np.where(np.abs(radius) < 2.0, 1.0 - radius, 0.0)
     entering = aim_rays(entrance, aim, points, np.tile(centre, (n, 1)), start)
-    chief = entrance.through(points, entering)
+    rays = entrance.through(points, entering)
     moments = np.zeros((n, REPLICATES, 3))
-    moments[rays.number[light.keys[:, 0]] - number[:1]] = light.moments
-    position = straight_to_sensor(record, trace_record(entrance.bare, chief))
-    passes = trace_record(entrance.lens, chief).status == 0
-    return Rows(number, None, position, passes, *_statistics(moments), entering)
+    moments[light.keys[:, 0]] = light.moments
+    position = straight_to_sensor(record, trace_record(entrance.bare, rays))
+    return Rows(np.arange(n), None, position, trace_record(entrance.lens, rays).status == 0, moments, entering)
 
 
 def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
@@ -246,75 +255,80 @@ def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
 
 
 def _rows_through_microlenses(
-    record: ForwardRecord, array: MicrolensArray, rays: PointRays, light: SensorLight
+    record: ForwardRecord, array: MicrolensArray, points: Floats, tasks: list[RayTask], light: SensorLight
 ) -> Rows:
     """Rows of a camera with microlenses: for each microlens that receives a point's light or chief ray."""
+    if not tasks:
+        empty, keys = np.empty((0, 2)), np.empty((0, 3), np.int64)
+        return Rows(keys[:, 0], keys[:, 1:], empty, keys[:, 0] > 0, np.empty((0, REPLICATES, 3)), empty)
     entrance, axes = entrance_rays(record), array_axes(record.camera)
     through = ThroughArray(axes, array)
-    bundles = _trace_bundles(rays, entrance, through)
-    keys, row = unique_rows(np.concatenate([light.keys, _candidate_keys(bundles, through)]))
+    bundles = _trace_bundles(tasks, entrance, through)
+    keys, row = _unique_rows(np.concatenate([light.keys, _candidate_keys(bundles, through)]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
     number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
-    points, aim = rays.point[number], Aim(entrance.bare, through.intersections)
-    start, passing_entry = _nearest_rays(bundles, number, centres)
-    entering = aim_rays(entrance, aim, points, centres, start)
-    passes = trace_record(entrance.lens, entrance.through(points, entering)).status == 0
-    lit = (moments[:, :, 0] > 0).any(axis=1)
+    aim = Aim(entrance.bare, through.intersections)
+    entering = aim_rays(entrance, aim, points[number], centres, _nearest_rays(bundles, number, centres, passing=False))
+    passes = trace_record(entrance.lens, entrance.through(points[number], entering)).status == 0
+    lit, passing_entry = (moments[:, :, 0] > 0).any(axis=1), _nearest_rays(bundles, number, centres, passing=True)
     # Strong lenses have several rays from a point to a microlens: if there is light, use one that passes.
     retry = np.flatnonzero(lit & ~passes & np.isfinite(passing_entry).all(axis=1))
     if len(retry):
-        other_entry = aim_rays(entrance, aim, points[retry], centres[retry], passing_entry[retry])
-        is_unvignetted = trace_record(entrance.lens, entrance.through(points[retry], other_entry)).status == 0
+        other_entry = aim_rays(entrance, aim, points[number[retry]], centres[retry], passing_entry[retry])
+        is_unvignetted = trace_record(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
         entering[retry[is_unvignetted]], passes[retry[is_unvignetted]] = other_entry[is_unvignetted], True
-    selected = np.flatnonzero(passes | lit)
-    number, centres, entering = number[selected], centres[selected], entering[selected]
-    shadow = np.where(passes[selected, None], entering, passing_entry[selected])
+    rays, selected = entrance.through(points[number], entering), passes | lit
+    shadow = np.where(passes[:, None], entering, passing_entry)
     return Rows(
-        rays.number[number],
-        keys[selected, 1:],
-        through.sensor_points(centres, trace_record(entrance.bare, entrance.through(rays.point[number], entering))),
-        passes[selected],
-        *_statistics(moments[selected]),
-        entering=np.where(np.isfinite(shadow), shadow, entering),
+        point=number[selected],
+        lens=keys[selected, 1:],
+        position=through.sensor_points(centres, trace_record(entrance.bare, rays))[selected],
+        passes=passes[selected],
+        moments=moments[selected],
+        entering=np.where(np.isfinite(shadow), shadow, entering)[selected],
     )
 
 
 class PointBundles(NamedTuple):
-    """f rays of each of n points."""
+    """Rays of visible points, the same number for each."""
 
+    number: NDArray[np.int64]
+    """(m,): index of the point."""
     entering: Floats
-    """(n, f, 2): entry points on the entrance plane."""
+    """(m, f, 2): entry points on the entrance plane."""
     arriving: Floats
-    """(n, f, 2): intersections with the array, local; nan if there is none."""
+    """(m, f, 2): intersections with the array, local; nan if there is none."""
     on_sensor: Floats
-    """(n, f, 2): intersections with the sensor, in its own axes, for a microlens centred on the ray."""
+    """(m, f, 2): intersections with the sensor, in its own axes, for a microlens centred on the ray."""
     passing: NDArray[np.bool_]
-    """(n, f): True if the ray is not vignetted."""
+    """(m, f): True if the ray is not vignetted."""
 
 
-def _trace_bundles(rays: PointRays, entrance: EntranceRays, through: ThroughArray) -> PointBundles:
-    """Trace rings of rays from every point."""
-    entering = _ring_points(rays.polygon)
-    bundle = entrance.through(np.repeat(rays.point, entering.shape[1], axis=0), entering.reshape(-1, 2))
-    traced = trace_record(entrance.bare, bundle)
+def _trace_bundles(tasks: list[RayTask], entrance: EntranceRays, through: ThroughArray) -> PointBundles:
+    """Trace rings of rays from every visible point."""
+    firsts = {task.number: task for task in tasks[::-1]}
+    number = np.array(sorted(firsts), dtype=np.int64)
+    entering = np.stack([_ring_points(firsts[k].polygon) for k in number])
+    points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
+    rays = entrance.through(points, entering.reshape(-1, 2))
+    traced = trace_record(entrance.bare, rays)
     arriving = through.intersections(traced)
     on_sensor = through.sensor_points(arriving, traced).reshape(entering.shape)
-    passing = (trace_record(entrance.lens, bundle).status == 0).reshape(entering.shape[:2])
-    arriving[~np.isfinite(arriving).all(axis=1)] = np.nan
-    return PointBundles(entering, arriving.reshape(entering.shape), on_sensor, passing)
+    passing = (trace_record(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
+    return PointBundles(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 
-def _ring_points(polygons: Floats) -> Floats:
-    """Points (n, f, 2) on rings in polygons (n, k, 2), the outermost of their corners and of points between them."""
-    centre, between = polygons.mean(axis=1, keepdims=True), 0.5 * (polygons + np.roll(polygons, -1, axis=1))
-    return np.concatenate(
-        [polygons, between, *(centre + radius * (polygons - centre) for radius in _RING_RADII), centre], axis=1
-    )
+def _ring_points(polygon: Floats) -> Floats:
+    """Points (f, 2) on rings in a polygon (2, k): points of its outline, and these scaled towards its centre."""
+    fan = np.linspace(0, polygon.shape[1] - 3, 16).round().astype(int)
+    outline = polygon.T[np.stack([fan + 1, fan + 2], axis=1)].reshape(-1, 2)
+    centre = (2.0 * outline.mean(axis=0) + polygon[:, 0]) / 3.0
+    return np.concatenate([centre + radius * (outline - centre) for radius in _RING_RADII])
 
 
 def _candidate_keys(bundles: PointBundles, through: ThroughArray) -> NDArray[np.int64]:
-    """Keys (k, 3) of the microlenses in a box around each point's light: row of the point and lattice indices.
+    """Keys (k, 3) of the microlenses in a box around each point's light: index of the point and lattice indices.
 
     Microlenses whose chief rays are farther outside the sensor than a tenth of its size, or two pitches, are left out.
     """
@@ -322,65 +336,46 @@ def _candidate_keys(bundles: PointBundles, through: ThroughArray) -> NDArray[np.
     height, width = axes.camera.sensor.size
     limit = np.array([width, height])
     limit = 0.5 * limit + np.maximum(0.1 * limit, 2.0 * max(array.pitches))
-    rows = np.flatnonzero(np.isfinite(bundles.arriving).any(axis=(1, 2)))
-    on_array, entering = axes.on_array(bundles.arriving[rows]), bundles.entering[rows]
-    values = np.concatenate([bundles.on_sensor[rows], entering - entering[:, -1:]], axis=2)
-    fit = _fit_linear(on_array, values)
-    low, high = np.nanmin(on_array, axis=1), np.nanmax(on_array, axis=1)
-    margin = 0.5 * (_BOX_FACTOR - 1.0) * (high - low) + array.cell_radius
-    (a, b), (c, d) = fit.series[:, :, :2].transpose(1, 2, 0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
-        middle = fit.centre - np.einsum("ni,nij->nj", fit.mean[:, :2], inverse)
-        reach = limit @ np.abs(inverse) + array.cell_radius
-    box, index = lenses_in_boxes(array, np.fmax(low - margin, middle - reach), np.fmin(high + margin, middle + reach))
-    targets = lenses_at(array, index).axis
-    predicted = np.einsum("ki,kij->kj", targets - fit.centre[box], fit.series[box]) + fit.mean[box]
-    radius = np.hypot(*values[..., 2:].transpose(2, 0, 1)).max(axis=1)
-    near = (np.abs(predicted[:, :2]) <= limit).all(axis=1)
-    near &= np.hypot(*predicted[:, 2:].T) <= (_BOX_FACTOR * radius + 2.0 * np.hypot(*fit.error[:, 2:].T))[box]
-    return np.asarray(np.column_stack([rows[box], index])[near])
+    keys = [np.empty((0, 3), dtype=np.int64)]
+    for number, arriving, on_sensor in zip(bundles.number, bundles.arriving, bundles.on_sensor, strict=True):
+        hits = np.isfinite(arriving).all(axis=1)
+        if not hits.any():
+            continue
+        on_array = axes.on_array(arriving[hits])
+        low, high = on_array.min(axis=0), on_array.max(axis=0)
+        margin = 0.5 * (_BOX_FACTOR - 1.0) * (high - low) + array.cell_radius
+        lenses = array.lenses(low - margin, high + margin)
+        near = np.abs(_fit_linear(on_array, on_sensor[hits], lenses.axis)) <= limit
+        index = lenses.index[near.all(axis=1)]
+        keys.append(np.column_stack([np.full(len(index), number), index]))
+    return np.concatenate(keys)
 
 
-class _LinearFit(NamedTuple):
-    """Least-squares linear fits to values (n, f, c) at positions (n, f, 2)."""
-
-    centre: Floats
-    mean: Floats
-    series: Floats
-    """(n, 2), (n, c), (n, 2, c): values at a position x are mean + (x - centre) @ series."""
-    error: Floats
-    """(n, c): largest errors."""
-
-
-def _fit_linear(positions: Floats, values: Floats) -> _LinearFit:
-    """Fit values at positions; those that are nan do not count."""
-    is_known = np.isfinite(np.concatenate([positions, values], axis=2)).all(axis=2, keepdims=True)
-    centre, mean = (np.mean(part, axis=1, where=is_known) for part in (positions, values))
-    offset, change = (
-        np.where(is_known, part - middle[:, None], 0.0) for part, middle in ((positions, centre), (values, mean))
-    )
-    transposed = offset.transpose(0, 2, 1)
-    series = np.linalg.pinv(transposed @ offset, hermitian=True) @ (transposed @ change)
-    return _LinearFit(centre, mean, series, np.abs(change - offset @ series).max(axis=1))
+def _fit_linear(positions: Floats, values: Floats, targets: Floats) -> Floats:
+    """Values (n, 2) at `targets` (n, 2) of the least-squares linear fit to values (m, 2) at positions (m, 2)."""
+    centre = positions.mean(axis=0)
+    series, *_ = np.linalg.lstsq(np.column_stack([positions - centre, np.ones(len(positions))]), values, rcond=None)
+    return np.asarray((targets - centre) @ series[:2] + series[2])
 
 
 def lenses_at(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     """Microlenses with lattice indices (n, 2), which may repeat."""
-    unique, row = unique_rows(index)
+    unique, row = _unique_rows(index)
     lenses = lenses_of(array, unique)
     return Lenslets(*(getattr(lenses, field.name)[row] for field in dataclasses.fields(lenses)))
 
 
-def _nearest_rays(bundles: PointBundles, number: NDArray[np.int64], positions: Floats) -> tuple[Floats, Floats]:
-    """Entry points of the rays of points `number` (n,) that hit the array nearest to `positions` (n, 2).
-
-    Of all rays, and of those that pass the lens; nan without one.
-    """
-    from plenoptic.camera.points.kernels.point_light import fill_nearest
-
-    nearest = np.empty((len(number), 2), np.int64)
-    fill_nearest(nearest, number, positions, bundles.arriving, bundles.passing)
-    entries = bundles.entering[number[:, None], nearest]
-    entries[nearest < 0] = np.nan
-    return entries[:, 0], entries[:, 1]
+def _nearest_rays(bundles: PointBundles, number: NDArray[np.int64], positions: Floats, *, passing: bool) -> Floats:
+    """Entry points of the rays of points `number` (n,) that hit the array nearest to `positions` (n, 2), or nan."""
+    nearest_entry = np.full(positions.shape, np.nan)
+    for k, point in enumerate(bundles.number):
+        low, high = np.searchsorted(number, [point, point + 1])
+        valid = np.isfinite(bundles.arriving[k]).all(axis=1)
+        if passing:
+            valid &= bundles.passing[k]
+        if low == high or not valid.any():
+            continue
+        arriving, entering = bundles.arriving[k][valid], bundles.entering[k][valid]
+        offset = positions[low:high, None] - arriving
+        nearest_entry[low:high] = entering[np.einsum("nfi,nfi->nf", offset, offset).argmin(axis=1)]
+    return nearest_entry

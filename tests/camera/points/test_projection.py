@@ -12,9 +12,7 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_rows import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
-from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.optics.lens.lens_record import lens_record
-from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygon, entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
 
 PINHOLE, _, FLAT, SPHERICAL = pl.optics.MicrolensModel
@@ -170,73 +168,6 @@ def test_light_of_all_microlenses_is_that_of_the_point():
             scores.append((projection.centroid[k] - mean) / (1.2 * projection.centroid_error[k] + 1e-6))
     # Errors have 7 degrees of freedom, RMS 1.2 of scores, and in each thousand numbers one beyond 6.
     assert np.abs(scores).max() < 8 and np.sqrt(np.mean(np.square(scores))) < 1.4
-
-
-def test_light_of_one_point_is_that_of_the_same_rays_whatever_their_number():
-    # Bundles of 8192 rays: points fill a part of one, parts of several, and replicates more than one each.
-    for camera in (camera_with(**KINDS["types"]), bare_camera(the_lens())):
-        for rays in (32 * 3, 32 * 100, 32 * 300, 32 * 8200):
-            projection = project(camera, (4.0, 2.0, -390.0), rays=rays)
-            spread = point_spread(camera, (4.0, 2.0, -390.0), rays=rays, replicates=32)
-            np.testing.assert_allclose(projection.light.sum(), spread.light, rtol=1e-12, err_msg=str(rays))
-            if projection.index is None:
-                for name in ("light_error", "centroid_error"):
-                    np.testing.assert_allclose(getattr(projection, name)[0], getattr(spread, name), rtol=1e-9)
-            total = (projection.light[:, None] * projection.centroid)[projection.light > 0].sum(axis=0)
-            np.testing.assert_allclose(total / projection.light.sum(), spread.centroid, rtol=0, atol=1e-12)
-
-
-def test_points_of_a_region_see_what_they_see_alone():
-    # Together they aim at the outline of their region, alone at their own; a tilted lens has no symmetry.
-    rng = np.random.default_rng(5)
-    points = np.column_stack([rng.uniform(-8.0, 8.0, (150, 2)), rng.uniform(-420.0, -380.0, 150)])
-    for name, placed in (("types", False), ("spherical", True)):
-        camera = assembled(camera_with(**KINDS[name])) if placed else camera_with(**KINDS[name])
-        world, scores = in_world(camera, points), []
-        together = project(camera, world, rays=1 << 10)
-        for k in range(0, 150, 10):
-            alone, part = project(camera, world[k], rays=1 << 10), together.selected(together.point == k)
-            place = {tuple(index): row for row, index in enumerate(part.index.tolist())}
-            bright = alone.passes & (alone.light > 0.5 * alone.light.max())
-            rows = [place[tuple(index)] for index in alone.index[bright].tolist()]
-            np.testing.assert_allclose(part.position[rows], alone.position[bright], rtol=0, atol=1e-8)
-            error = np.hypot(part.light_error[rows], alone.light_error[bright])
-            scores.append((part.light[rows] - alone.light[bright]) / error)
-        # Of independent rays: a mean of 0 and RMS 1.
-        scores = np.concatenate(scores)
-        assert abs(scores.mean()) < 4 / math.sqrt(scores.size) and 0.7 < np.sqrt(np.mean(scores**2)) < 1.3, name
-
-
-def test_outlines_of_regions_hold_all_light():
-    # Rays of a grid over the first element pass the lens inside the polygon alone, at the edge of the field too.
-    rng, grid = (
-        np.random.default_rng(6),
-        np.stack(np.meshgrid(*[np.linspace(-30.0, 30.0, 61)] * 2), axis=-1).reshape(-1, 2),
-    )
-    for camera in (camera_with(), assembled(camera_with())):
-        record = forward_record(camera)
-        z = rng.uniform(-700.0, -200.0, 200)
-        points = np.column_stack([rng.uniform(-0.15, 0.15, (200, 2)) * np.abs(z)[:, None], z])
-        polygons, own = entrance_polygons(record.entrance, points), 0
-        for point, polygon in zip(points, polygons, strict=True):
-            start = np.column_stack([grid, np.full(len(grid), record.entrance.z)])
-            passes = trace_record(record.lens, pl.RayBundle(start, start - point)).status == 0
-            side, offset = np.roll(polygon, -1, axis=0) - polygon, grid[passes, None] - polygon
-            assert (side[:, 0] * offset[..., 1] - side[:, 1] * offset[..., 0] >= 0).all()
-            alone = entrance_polygon(record.entrance, point)
-            assert alone is not None or np.isnan(polygon).all()
-            own += alone is None or np.array_equal(alone, polygon)
-            if alone is not None:
-                extents = [np.prod(np.ptp(shape, axis=0)) for shape in (polygon, alone)]
-                assert extents[0] < 1.5 * extents[1]
-        assert own < 150
-    # The opening of a thin lens is the same for all points, and is found once for each region.
-    entrance = forward_record(camera_with(lens=the_lens(model=pl.LensModel.THIN))).entrance
-    alone = entrance_polygon(entrance, points[0])
-    for polygon in entrance_polygons(entrance, points):
-        np.testing.assert_allclose(np.sort(np.hypot(*polygon.T)), np.sort(np.hypot(*alone.T)), rtol=1e-6)
-        own += np.array_equal(polygon, alone)
-    assert own < 250
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():

@@ -5,32 +5,18 @@ The bounds are sampling regions and do not affect the weights of rays; too large
 
 from __future__ import annotations
 
-import functools
-import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.outline import (
-    DARK,
-    SIDES,
-    Guess,
-    Outline,
-    PupilRays,
-    light_outline,
-    normals_of,
-    polygon_around,
-    up_to_stops,
-)
+from plenoptic.optics.lens.pupil.outline import DARK, Guess, PupilRays, light_outline, polygon_around, up_to_stops
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64
@@ -39,14 +25,6 @@ the unvignetted part."""
 _HEIGHTS = 65
 _LARGEST_TANGENT = 1e3
 """Tangent of the steepest sampled ray: steeper ones carry a millionth of the light of a plane."""
-
-_REGION = 0.125
-"""Size of a region of points with a common outline: displacement of the beam along the lens, or its change in size,
-over the pupil."""
-_MIN_POINTS = 8
-"""Number of points of a region from which on they have a common outline."""
-_FARTHEST = 2.0**-20
-"""Length of the lens over the distance of the farthest corner of a region, which lies at infinity."""
 
 
 class Entrance(NamedTuple):
@@ -102,11 +80,6 @@ def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """
-    outline = _outline(where, point)
-    return None if outline is DARK else polygon_around(outline.support)
-
-
-def _outline(where: Entrance, point: Floats) -> Outline:
     rays = PupilRays(where.parts, point, where.z)
     with np.errstate(all="ignore"):  # the squares of a distant point may overflow; it counts as dark
         low, high = _rim_box(where, point)
@@ -114,70 +87,7 @@ def _outline(where: Entrance, point: Floats) -> Outline:
         outline = light_outline(rays, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
         if outline is DARK:
             outline = light_outline(rays, [rim._replace(rays=_DENSE)], rim, _FINE)
-    return outline
-
-
-def entrance_polygons(where: Entrance, points: Floats) -> Floats:
-    """Corners (n, SIDES, 2) of polygons as of `entrance_polygon` for points (n, 3); nan if dark.
-
-    Points of a region of object space have the union of the outlines at its corners, as they lie on the plane of the
-    entrance pupil. Points in regions with few of them have their own, and so have points with light at the polygon's
-    edge, and points near dark ones and near those that see several parts of the pupil.
-    """
-    polygons = np.full((len(points), SIDES, 2), np.nan)
-    _fill_by_regions(polygons, where, points)
-    for k in np.flatnonzero(np.isnan(polygons[:, 0, 0])):
-        corners = entrance_polygon(where, points[k])
-        if corners is not None:
-            polygons[k] = corners
-    return polygons
-
-
-def _fill_by_regions(polygons: Floats, where: Entrance, points: Floats) -> None:
-    z, semi_diameter, _ = where.pupil
-    if IDEAL in where.lens.rows["kind"] or not math.isfinite(z):
-        z = where.z
-    size, normals = min(semi_diameter, where.reach), normals_of(SIDES)
-    if not math.isfinite(size):
-        return
-    span, is_centred = max(float(np.abs(where.lens.rows["z"] - z).max()), size), where.lens.frames is None
-    is_centred = is_centred and where.lens.freeform is None
-    distance, across = z - points[:, 2], points[:, 0] + 1j * points[:, 1]
-    turn = np.exp(1j * np.angle(across)) if is_centred else np.ones(len(points))
-    local = np.abs(across) + 0j if is_centred else across
-    # Displacement of the beam along the lens and its change in size, over that of the pupil.
-    scale = _REGION * np.array([size / span, size / span, 1.0])
-    place = np.column_stack([local.real / distance, local.imag / distance, span / distance]) / scale
-    regions, number, counts = np.unique(np.floor(place), axis=0, return_inverse=True, return_counts=True)
-    steps = np.array(list(itertools.product((0, 1), (0,) if is_centred else (0, 1), (0, 1))))
-
-    @functools.cache
-    def support_at(*corner: float) -> Floats | None:
-        """Distances (SIDES,) from the origin on the plane z of the sides of the outline of a region's corner."""
-        x, y, nearness = corner * scale
-        behind = span / max(nearness, _FARTHEST)
-        if not z - behind < where.z:
-            return None
-        point, fraction = np.array([x * behind, y * behind, z - behind]), 1.0 - (z - where.z) / behind
-        outline = _outline(where, point)
-        if outline is DARK or outline.parted:
-            return None
-        return np.asarray((outline.support - (1.0 - fraction) * (normals @ point[:2])) / fraction)
-
-    for region in np.flatnonzero(counts >= _MIN_POINTS):
-        corner_supports = (support_at(*corner) for corner in (regions[region] + steps).tolist())
-        supports = [support for support in corner_supports if support is not None]
-        rows = np.flatnonzero((number.reshape(-1) == region) & (distance > 0.0))
-        if len(supports) < len(steps) or not len(rows):
-            continue
-        fraction, own = 1.0 - (z - where.z) / distance[rows, None], local[rows, None]
-        around = (1.0 - fraction) * (own.real * normals[:, 0] + own.imag * normals[:, 1])
-        corners = polygon_around(around + fraction * np.max(supports, axis=0)) @ (1.0, 1j) * turn[rows, None]
-        edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
-        start = np.stack([edge.real, edge.imag, np.full(edge.shape, where.z)], axis=-1)
-        rays = RayBundle(start.reshape(-1, 3), (start - points[rows, None]).reshape(-1, 3))
-        is_dark = (trace_record(where.lens, rays, threads=1).status != 0).reshape(edge.shape).all(axis=1)
-        polygons[rows[is_dark]] = np.stack([corners.real, corners.imag], axis=-1)[is_dark]
+    return None if outline is DARK else polygon_around(outline.support)
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
