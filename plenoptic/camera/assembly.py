@@ -40,11 +40,16 @@ class Rigid(NamedTuple):
 
     def points(self, points: Floats) -> Floats:
         """Transform points (..., 3)."""
-        return np.asarray(points @ self.turn.T + self.shift)
+        return _rotate(points, self.turn) + self.shift
 
     def directions(self, directions: Floats) -> Floats:
         """Rotate directions (..., 3)."""
-        return np.asarray(directions @ self.turn.T)
+        return _rotate(directions, self.turn)
+
+
+def _rotate(vectors: Floats, turn: Floats) -> Floats:
+    """Vectors (..., k) times `turn`; as they are for the identity, where products cost more than all that follows."""
+    return vectors if np.array_equal(turn, np.eye(len(turn))) else np.asarray(vectors @ turn.T)
 
 
 def rigid(placement: Placement | None, z: float) -> Rigid:
@@ -168,11 +173,11 @@ class ArrayAxes(NamedTuple):
 
     def local(self, points: Floats) -> Floats:
         """Transform points (n, 2) of the array to local axes."""
-        return np.asarray(points @ self.parts.array_turn.T + self.parts.array_origin)
+        return _rotate(points, self.parts.array_turn) + self.parts.array_origin
 
     def on_array(self, local: Floats) -> Floats:
         """Transform local points (n, 2) to the array's axes."""
-        return np.asarray((local - self.parts.array_origin) @ self.parts.array_turn)
+        return _rotate(local - self.parts.array_origin, self.parts.array_turn.T)
 
     def in_lens(self, local: Floats) -> Floats:
         """Transform local points (n, 2) of the array's front principal plane to the lens's axes (n, 3)."""
