@@ -99,9 +99,10 @@ def test_a_wide_stop_blurs_alike():
 
 
 def test_the_white_image_is_the_projected_solid_angle_of_the_aperture():
-    seen_by = camera(semi_diameter=10.0)
+    """Averaged over the pixels: at their centres it differs by 4e-7, 19 times the error."""
+    seen_by, finer = camera(semi_diameter=10.0), camera(semi_diameter=10.0, pixel_pitch=0.15 / 8, pixels=8 * 48)
     white = pl.render_white(seen_by, samples=2048, progress=False)
-    closed = projected_solid_angles(seen_by)
+    closed = projected_solid_angles(finer).reshape(48, 8, 48, 8).mean(axis=(1, 3))[..., None]
     error = np.sqrt(np.mean(white.standard_error**2) / white.image.size)
     assert abs((white.image - closed).mean()) < MOST * error < 1e-3 * closed.mean()
 
