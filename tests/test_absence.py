@@ -16,11 +16,12 @@ import textwrap
 import numba
 import numpy as np
 import pytest
+from numba.core.caching import NullCache
 
 import plenoptic as pl
 from plenoptic.camera.diffraction import DeflectionRecord
 from plenoptic.camera.sampling.sampling_records import DeflectedSamples, KernelTable, SourcePixels
-from plenoptic.core.numba.jit import device
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.diffraction.far_field import far_field
 from plenoptic.optics.microlens.aperture import Opening
 from plenoptic.optics.microlens.microlens_record import MICROLENS, SensorPlane
@@ -168,7 +169,8 @@ _LABEL, _FUNCTION = re.compile(r"^(\"[^\"]*\"|[^\s:]+):"), re.compile(r"\.type\s
 
 def instructions(function, types):
     """Machine instructions of a function and of what it calls; not those of Python's and C's ways into it."""
-    fresh = device(function.py_func)
+    fresh = kernel(function.py_func)
+    fresh.dispatcher._cache = NullCache()
     fresh.compile(types)
     (signature,) = fresh.signatures
     text = fresh.inspect_asm(signature)
