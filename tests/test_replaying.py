@@ -21,6 +21,7 @@ from plenoptic.replaying.events import (
     WorldRay,
 )
 from plenoptic.replaying.retracing import replay, replay_all
+from plenoptic.scene.lights import build_lights
 
 CAMERA = pl.camera.example_camera()
 LENS = CAMERA.lens
@@ -179,7 +180,8 @@ def many_lamps():
     return pl.Scene([wall], lamps)
 
 
-def test_the_chosen_light_is_the_one_that_is_named():
+def test_the_chosen_light_is_the_one_that_is_named(monkeypatch):
+    monkeypatch.setattr(build_lights, "_MANY", 20)
     scene = many_lamps()
     ways = assert_replayed(shoot(scene), scene, pixels=[(0, 0)])
     events = [

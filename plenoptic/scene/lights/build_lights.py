@@ -44,8 +44,12 @@ from plenoptic.scene.materials.build_materials import color_rows
 _FEWEST, _MOST = 0.1, 0.9
 """Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
 depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
-_CANDIDATES, _MANY = 4, 12
-"""Lights of which one is chosen by its contribution, and the number of lights in a scene from which on that pays."""
+_CANDIDATES, _MANY = 4, 100
+"""Lights of which one is chosen by its contribution, and the number of lights in a scene from which on that pays.
+
+A hundred lamps over a floor gain 9 in variance times time at 16 samples, 4 at 256; sixty all around 1.8, but 0.6 at
+256, where stratified draws are better.
+"""
 _TEXELS_PER_GUIDE = 4
 _LEFT = 0.75
 """Fraction of a map's mean radiance that is left to scattered rays. All of it would raise the variance under a map with

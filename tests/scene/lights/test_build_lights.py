@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scene_helpers import CORNERS, GREY, area_vectors, square
 
 import plenoptic as pl
+from plenoptic.scene.lights import build_lights
 from plenoptic.scene.lights.light_records import ENVIRONMENT, POINT, SUN, TRIANGLE
 
 
@@ -194,8 +195,9 @@ def test_ten_thousand_lights_keep_their_shares():
     assert (lights.cdf[last:] == 1.0).all()
 
 
-def test_of_many_lights_several_are_drawn():
+def test_of_many_lights_several_are_drawn(monkeypatch):
     """A ball of many triangles is one light, a mesh in several places several."""
+    monkeypatch.setattr(build_lights, "_MANY", 12)
     lamp, ball = square(pl.Emissive(1.0)), pl.sphere(1.0, center=(0, 0, 5), material=pl.Emissive(1.0))
     lamps, points = [lamp.translated(z=k) for k in range(10)], ONE_OF_EACH[:1]
     places = np.tile(np.eye(4), (11, 1, 1))
