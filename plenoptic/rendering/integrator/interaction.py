@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from plenoptic.core.kernels import sobol
-from plenoptic.rendering.integrator.kernels.choose_lights import (
-    CHOICE_ROWS,
-    FACTOR,
-    add_candidate,
-    begin_choice,
-    end_choice,
-    set_candidate,
-)
+from plenoptic.core.values import Floats
 from plenoptic.rendering.integrator.kernels.direct_light import eval_direct
 from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavelengths
 from plenoptic.scene.geometry.geometry_records import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
@@ -42,7 +35,11 @@ class InteractionStage:
         )
         n_lights = capacity if lights else 0
         self._drawn = DrawnLights(np.empty((n_lights, DRAWN_COLUMNS)), np.empty((n_lights, channels)))
-        self._choice = np.empty((CHOICE_ROWS, n_lights if scene.lights.candidates > 1 else 0))
+        self._choice: Floats | None = None
+        if lights and scene.lights.candidates > 1:
+            from plenoptic.rendering.integrator.kernels.choose_lights import CHOICE_ROWS
+
+            self._choice = np.empty((CHOICE_ROWS, capacity))
 
     def evaluate(
         self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths
@@ -69,18 +66,20 @@ class InteractionStage:
     ) -> DrawnLights:
         """Sample one light for each interaction. `shadow` is room for contributions of lights."""
         count, choice, bsdf = self._scene.lights.candidates, self._choice, self._scene.bsdf
-        if count == 1:
+        if choice is None:
             return self._draw(interactions, queue, wavelengths)
-        begin_choice(choice, interactions)
+        from plenoptic.rendering.integrator.kernels import choose_lights
+
+        choose_lights.begin_choice(choice, interactions)
         for k in range(count):
-            set_candidate(choice, interactions, k, count)
+            choose_lights.set_candidate(choice, interactions, k, count)
             drawn = self._draw(interactions, queue, wavelengths)
-            add_candidate(
+            choose_lights.add_candidate(
                 choice, interactions, shadow, eval_direct(shadow, interactions, drawn, queue, bsdf, wavelengths)
             )
-        end_choice(choice, interactions, count)
+        choose_lights.end_choice(choice, interactions, count)
         drawn, n = self._draw(interactions, queue, wavelengths), len(interactions.path)
-        drawn.radiance[:n] *= choice[FACTOR, :n, None]
+        drawn.radiance[:n] *= choice[choose_lights.FACTOR, :n, None]
         return drawn
 
     def _draw(self, interactions: Interactions, queue: RayQueue, wavelengths: Wavelengths) -> DrawnLights:
