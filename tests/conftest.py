@@ -1,4 +1,4 @@
-"""What holds for all tests: where helpers and larger files lie, that examples have time, and that Ctrl-C interrupts."""
+"""For all tests: folders of helpers and larger files, time for examples, Ctrl-C, types of the arguments of kernels."""
 
 import os
 import signal
@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 from hypothesis import settings
+
+from plenoptic.core.numba.jit import Specialized
 
 HELPERS = ("benchmarks", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile", "validation")
 HELPERS += ("optics/lens/analysis", "optics/lens/waves", "optics/surfaces", "viewer")
@@ -20,3 +22,17 @@ settings.load_profile("plenoptic")
 # A shell ignores interrupts in what it starts in the background, and so would all processes that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+_run = Specialized.__call__
+
+
+def _run_checked(self, *arguments):
+    """Call a specialized kernel, which does not look at the types of its arguments."""
+    from numba._dispatcher import compute_fingerprint
+
+    types = compute_fingerprint(arguments)
+    assert vars(self).setdefault("types", types) == types, f"{self._kernel.__name__}: the types of arguments changed"
+    return _run(self, *arguments)
+
+
+Specialized.__call__ = _run_checked

@@ -61,6 +61,8 @@ class CameraRays:
         blocks = -(-capacity // BLOCK)
         self._camera, self._illuminated, self._batch = camera, illuminated, batch
         self._blocks = np.empty(blocks * RAY)
+        self._fill_samples = camera_samples.fill_camera_samples.specialize()
+        self._trace_lens = fill_through_lens.specialize()
         self.core = np.empty(blocks * RAY) if illuminated.has_core else None
         """Aimed rays through the unvignetted core, the control variate; None without one."""
         self.lenslets = camera.lenslet_parameters(blocks * BLOCK)
@@ -85,7 +87,7 @@ class CameraRays:
         if colour is not None and self.waves is not None:
             number = self._illuminated.number
             camera_samples.fill_waves(self.waves, start, n, self._batch, number, colour.cdf, self._guide)
-        n_distant = camera_samples.fill_camera_samples(
+        n_distant = self._fill_samples(
             bundle, core, self.lenslets, self._deflected, start, n, self._batch, self._illuminated
         )
         if self._distant is not None:
@@ -120,7 +122,7 @@ class CameraRays:
     def fill_through_lens(self, bundle: Floats) -> None:
         """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
-        fill_through_lens(bundle, self.lens, self.waves)
+        self._trace_lens(bundle, self.lens, self.waves)
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         if self.core is not None:
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)

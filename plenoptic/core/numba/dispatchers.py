@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+from numba import _dispatcher
 from numba.core.registry import CPUDispatcher
 
 from plenoptic.core.kernels.probe import probe_numba
@@ -60,6 +61,18 @@ class KernelDispatcher(CPUDispatcher):
     """Dispatcher of a kernel, which helper processes may compile."""
 
     _cache: Any
+    _entries: dict[bytes, Any]
+
+    def entry(self, arguments: tuple[Any, ...]) -> Any:
+        """Machine code for the types of some arguments; the dispatcher in a run that lists the kernels to compile."""
+        fingerprint = getattr(_dispatcher, "compute_fingerprint", None)  # an internal of Numba
+        if listed_tasks() is not None or fingerprint is None:
+            return self
+        types = fingerprint(arguments)
+        entries = self.__dict__.setdefault("_entries", {})
+        if types not in entries:
+            entries[types] = self.compile(tuple(map(self.typeof_pyval, arguments)))
+        return entries[types]
 
     def _compile_for_args(self, *arguments: Any, **keywords: Any) -> Any:
         """Compile for a call; in a run that lists the kernels to compile, note this one and do nothing."""

@@ -12,7 +12,7 @@ from plenoptic.scene.geometry.geometry_records import INTERACTION_COLUMNS, Hits,
 from plenoptic.scene.geometry.kernels.interaction import fill_interactions
 from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
 from plenoptic.scene.lights.light_records import DRAWN_COLUMNS, DrawnLights
-from plenoptic.scene.materials.kernels import parameters
+from plenoptic.scene.materials.kernels.parameters import apply_normal_map, apply_textures, fill_parameters
 from plenoptic.scene.scene_record import SceneRecord
 
 
@@ -34,6 +34,8 @@ class InteractionStage:
             number=np.empty(capacity, dtype=np.uint32),
         )
         n_lights = capacity if lights else 0
+        self._fill_interactions, self._fill_parameters = fill_interactions.specialize(), fill_parameters.specialize()
+        self._sample_emitters, self._apply_textures = sample_emitters.specialize(), apply_textures.specialize()
         self._drawn = DrawnLights(np.empty((n_lights, DRAWN_COLUMNS)), np.empty((n_lights, channels)))
         self._choice: Floats | None = None
         if lights and scene.lights.candidates > 1:
@@ -47,18 +49,18 @@ class InteractionStage:
         """Evaluate the surface interactions at the hits on surfaces that scatter."""
         scene, buffer, geometry, bsdf = self._scene, self._buffer, self._scene.geometry, self._scene.bsdf
         assert bsdf is not None
-        count = fill_interactions(buffer, hits, queue.rays, queue.path, geometry, bsdf.scatters)
+        count = self._fill_interactions(buffer, hits, queue.rays, queue.path, geometry, bsdf.scatters)
         surfaces = buffer.first(count)
         sobol.fill_samples(
             surfaces.random, surfaces.key, surfaces.number, surfaces.path, keys.key, keys.number, bounce + 1
         )
-        parameters.fill_parameters(surfaces, bsdf, wavelengths)
+        self._fill_parameters(surfaces, bsdf, wavelengths)
         if scene.textures is not None:
             *columns, normal = scene.textures
             if any(column is not None for column in columns):
-                parameters.apply_textures(surfaces, scene.textures, scene.channels, wavelengths)
+                self._apply_textures(surfaces, scene.textures, scene.channels, wavelengths)
             if normal is not None:
-                parameters.apply_normal_map(surfaces, hits, queue.rays, geometry, normal)
+                apply_normal_map(surfaces, hits, queue.rays, geometry, normal)
         return surfaces
 
     def draw_lights(
@@ -87,7 +89,7 @@ class InteractionStage:
         scene, drawn, bsdf = self._scene, self._drawn, self._scene.bsdf
         assert bsdf is not None
         emitters = scene.geometry, scene.emission, scene.alpha, scene.lights
-        sample_emitters(drawn, interactions, *emitters, bsdf.takes_light, wavelengths)
+        self._sample_emitters(drawn, interactions, *emitters, bsdf.takes_light, wavelengths)
         if scene.absorption is not None:
             from plenoptic.scene.materials.kernels import absorption
 

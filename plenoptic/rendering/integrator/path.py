@@ -72,10 +72,20 @@ class PathIntegrator:
         self._queue, self._next_queue = queues[0], queues[-1]
         if scene.absorption is not None and intersector is not None:
             self._media = media_at(scene, intersector, np.zeros(3) if camera.position is None else camera.position)
+        if scene.emission is not None:
+            from plenoptic.rendering.integrator.kernels.emission import add_emission
+
+            self._emission = add_emission.specialize()
+        self._sees_sky = any(part is not None for part in scene.lights.sky)
+        if self._sees_sky:
+            from plenoptic.rendering.integrator.kernels.sky_emission import add_sky
+
+            self._sky_emission = add_sky.specialize()
         self._random = self._scatters or scene.alpha is not None or self.moving is not None
         if self._random:
             self._keys, self._indices = np.empty(capacity, dtype=np.uint64), np.empty(capacity, dtype=np.uint32)
         if self._scatters:
+            self._eval_direct, self._sample_bsdf = eval_direct.specialize(), sample_bsdf.specialize()
             self._stage = InteractionStage(scene, capacity, channels, lights=self._lights)
             traced = scene.absorption is not None or self._exclude_caustics
             self._source = np.empty(capacity, dtype=np.int64) if traced else None
@@ -169,13 +179,9 @@ class PathIntegrator:
 
             fill_absorption(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
         if scene.emission is not None:
-            from plenoptic.rendering.integrator.kernels.emission import add_emission
-
-            add_emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
-        if any(part is not None for part in scene.lights.sky):
-            from plenoptic.rendering.integrator.kernels.sky_emission import add_sky
-
-            add_sky(radiance, queue, hits, scene.lights.sky, wavelengths)
+            self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
+        if self._sees_sky:
+            self._sky_emission(radiance, queue, hits, scene.lights.sky, wavelengths)
 
     def _scatter(
         self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
@@ -203,7 +209,7 @@ class PathIntegrator:
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the sampled lights that are not occluded; return the shadow rays, and a mask of the blocked ones."""
         scene = self.scene
-        count = eval_direct(self._shadow, interactions, drawn, self._queue, scene.bsdf, wavelengths)
+        count = self._eval_direct(self._shadow, interactions, drawn, self._queue, scene.bsdf, wavelengths)
         shadow, blocked = self._shadow.first(count), self._blocked[:count]
         if count:
             intersector = self._intersector if self.moving is None else self.moving.at_times(shadow.path)
@@ -221,7 +227,7 @@ class PathIntegrator:
         """Sample the scattered rays; return their number."""
         scene, queue, next_queue = self.scene, self._queue, self._next_queue
         target = next_queue, self._source
-        n_rays = int(sample_bsdf(*target, interactions, queue, scene.bsdf, wavelengths, russian_roulette))
+        n_rays = int(self._sample_bsdf(*target, interactions, queue, scene.bsdf, wavelengths, russian_roulette))
         if self._source is not None:
             self._update_states(self._source[:n_rays], interactions)
         return n_rays

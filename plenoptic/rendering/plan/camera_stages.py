@@ -59,16 +59,12 @@ def _diffraction(camera: PlenopticCamera) -> list[Decision]:
 
 def _pupils(camera: PlenopticCamera, *, white: bool) -> list[Decision]:
     """Decisions on the computation of the illuminated pupil of a pixel."""
-    stopped = no_core_reason(camera)
-    bounds = bounds_reason(camera, with_core=white and not stopped)
+    no_core = no_core_reason(camera) if white else "a scene is seen"
+    bounds = bounds_reason(camera, with_core=not no_core)
     return [
         decide(Stage.APERTURE_REGIONS, not bounds, bounds, "each point of a pixel sees the openings of the lens"),
         decide(
-            Stage.UNVIGNETTED_CORE,
-            *(white, "a scene is seen"),
-            *(not stopped, stopped),
-            *(not bounds, bounds),
-            "unvignetted light is not traced",
+            Stage.UNVIGNETTED_CORE, *(not no_core, no_core), *(not bounds, bounds), "unvignetted light is not traced"
         ),
     ]
 

@@ -35,6 +35,17 @@ def test_a_number_that_is_written_in_a_call_makes_no_variant():
     assert len(picked.signatures) == 1
 
 
+def test_specialized_kernels_run_the_code_for_the_types_of_their_first_call():
+    @kernel
+    def first(record):
+        return record[0][0] / record[1]
+
+    for kind in (np.float32, np.int64, np.float32):
+        record, by_type = (np.array([7], dtype=kind), 2), first.specialize()
+        assert [by_type(record), by_type(record)] == [3.5, 3.5]
+    assert len(first.signatures) == 2
+
+
 def test_an_error_of_typing_is_that_of_the_kernel_and_no_reason_to_go_on_plainly():
     @device
     def add(x, y):
