@@ -33,7 +33,14 @@ def surroundings():
     """Versions, processors and how busy these are with other things."""
     versions = [f"Python {platform.python_version()}", *map(_version, PROGRAMS)]
     load = f", load average {os.getloadavg()[0]:.1f} at the start" if hasattr(os, "getloadavg") else ""
-    return f"{', '.join(versions)}; {platform.system()} {platform.machine()}, {os.cpu_count()} processors{load}"
+    name = next((line.split(":")[1].strip() for line in _cpuinfo() if line.startswith("model name")), "unknown")
+    machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors ({name})"
+    return f"{', '.join(versions)}; {machine}{load}"
+
+
+def _cpuinfo():
+    path = Path("/proc/cpuinfo")
+    return path.read_text().splitlines() if path.exists() else []
 
 
 def _version(program):

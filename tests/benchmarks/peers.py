@@ -1,15 +1,15 @@
 """Error against CPU time beside Mitsuba: the same scenes, thin lens and limit of depth."""
 
-import functools
 import importlib.util
 import os
+import statistics
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from table import Table
-from timing import median, timed
+from timing import timed
 
 import plenoptic as pl
 
@@ -31,44 +31,36 @@ OURS = "plenoptic"
 
 
 def tables(*, quick):
-    programs, absent = installed()
-    seeds, converged, one, several = (1, 8, 4, (1, 4)) if quick else (3, 256, 256, (4, 16, 64))
-    at_one, at_several, means = [], [], []
+    rounds, converged, samples = (1, 8, (4,)) if quick else (5, 256, (16, 64, 256))
+    programs, remarks = {OURS: plenoptic}, []
+    if importlib.util.find_spec("mitsuba") is None:
+        remarks.append("Mitsuba is left out: it is not installed; the extra `validation` has it.")
+    else:
+        programs[f"Mitsuba {variant()}"] = mitsuba
+        if variant() == "scalar_rgb":
+            remarks.append("`llvm_ad_rgb` is faster: DRJIT_LIBLLVM_PATH must name libLLVM.so, version 19.")
+    rows, means = [], []
     for name in SCENES[-1:] if quick else SCENES:
-        # Each scene is gone before the next: Mitsuba's calls take longer with others about.
         shown = Shown(name, programs, converged)
-        at_one += shown.errors(one, seeds)
-        if name in (SCENES[0], SCENES[-1]):
-            at_several += [row for samples in several for row in shown.errors(samples, seeds)]
-        means += shown.compared()
-        del shown
-    columns = "scene | samples | program | CPU ms per pixel | median relative error % | relative RMS error % | "
-    columns += "RMS^2 x CPU, us per pixel | over plenoptic's"
+        rows += [shown.row(number, rounds) for number in samples]
+        means += shown.references_compared()
+        del shown  # Mitsuba's calls take longer with other scenes about
+    columns = ["scene", "samples", *(f"{program}: {part}" for program in programs for part in ("CPU ms/px", "RMS %"))]
+    columns += ["theirs over ours, RMS^2 x CPU", "least and most of the rounds"][: 2 * len(programs) - 2]
     remark = (
         f"{SIDE} x {SIDE} pixels through a thin lens, at most {BOUNCES} bounces, each program with its own Russian "
-        f"roulette, one thread, whole warm calls in turns, one replicate. Lit pixels, mean of the channels, against a "
-        f"reference of the program's own. {absent}"
+        f"roulette, one thread, whole warm calls in turns, medians of {rounds} rounds, one replicate. Errors of lit "
+        "pixels, mean of the channels, relative to a reference of the program's own."
     )
-    yield Table("Other renderers: error against time, one number of samples", columns, at_one, [remark])
-    yield Table("Other renderers: error against time, several", columns, at_several, [remark])
+    yield Table("Other renderers: error and time", columns, rows, [remark, *remarks])
     if means:
-        columns = "scene | program | its mean over plenoptic's, less 1, % | standard error % | RMS z of lit pixels"
+        columns = "scene | its mean over plenoptic's, less 1, % | standard error % | RMS z of lit pixels"
         yield Table("Other renderers: their references beside plenoptic's", columns, means)
 
 
-def installed():
-    """Renderers that can be had here, and sentences on those that cannot."""
-    programs = {OURS: plenoptic}
-    absent, with_llvm = "", "DRJIT_LIBLLVM_PATH" in os.environ
-    if importlib.util.find_spec("mitsuba") is None:
-        absent += "Mitsuba is left out: it is not installed; the extra `validation` has it. "
-    else:
-        for variant in ("scalar_rgb", "llvm_ad_rgb")[: 1 + with_llvm]:
-            for sampler in ("independent", "multijitter"):
-                programs[f"Mitsuba {variant}, {sampler}"] = functools.partial(mitsuba, variant, sampler)
-    if len(programs) == 3:
-        absent += "`llvm_ad_rgb` is left out: DRJIT_LIBLLVM_PATH must name libLLVM.so, version 19 (older ones crash). "
-    return programs, absent
+def variant():
+    """Mitsuba's fastest variant that is installed, of those without a graphics card."""
+    return "llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb"
 
 
 def plenoptic(scene, camera):
@@ -82,16 +74,16 @@ def plenoptic(scene, camera):
     return render
 
 
-def mitsuba(variant, sampler, scene, camera):
+def mitsuba(scene, camera):
     import drjit
     import in_mitsuba
     import mitsuba as mi
 
     drjit.set_thread_count(1)
-    mi.set_variant(variant)
+    mi.set_variant(variant())
     described = in_mitsuba.described_scene(scene, camera, max_bounces=BOUNCES)
     described["integrator"]["rr_depth"] = 5  # Mitsuba's own default
-    described["sensor"]["sampler"] = {"type": sampler}
+    described["sensor"]["sampler"] = {"type": "multijitter"}
     loaded = mi.load_dict(described)
 
     def render(samples, seed):
@@ -114,41 +106,40 @@ def reference_of(render, samples):
 
 
 class Shown:
-    """A scene in all renderers, with a reference of each family of them."""
+    """A scene in all programs, with a reference of each."""
 
     def __init__(self, name, programs, converged):
-        width, place = (4.8, (0, 0, 404)) if name == "objects" else (7.2, mitsuba_scenes.VIEWED_FROM)
-        camera = mitsuba_scenes.camera(semi_diameter=5.0, pixel_pitch=width / SIDE, position=place, pixels=SIDE)
+        width, position = (4.8, (0, 0, 404)) if name == "objects" else (7.2, mitsuba_scenes.VIEWED_FROM)
+        camera = mitsuba_scenes.camera(semi_diameter=5.0, pixel_pitch=width / SIDE, position=position, pixels=SIDE)
         self.name, scene = name, getattr(mitsuba_scenes, name)()
-        self.renderers = {program: maker(scene, camera) for program, maker in programs.items()}
-        best = {program.split()[0]: program for program in programs}  # the last of a family converges fastest
-        self.references = {family: reference_of(self.renderers[best[family]], converged) for family in best}
-        image = self.references[OURS].image
+        self.renderers = [maker(scene, camera) for maker in programs.values()]
+        self.references = [reference_of(render, converged) for render in self.renderers]
+        image = self.references[0].image
         self.lit = image > LIT * np.percentile(image, 99)
 
-    def errors(self, samples, seeds):
-        """Of each program: what a number of samples costs, and how far it is off; all in turns, first unseen."""
-        found = {program: [] for program in self.renderers}
-        for seed in range(seeds + 1):
-            for program, render in self.renderers.items():
-                found[program].append(timed(render, samples, seed))
-        first = None
-        for program, (_, *runs) in found.items():
-            reference = self.references[program.split()[0]]
-            off = np.array([image[self.lit] / reference.image[self.lit] - 1.0 for _, image in runs])
-            own = np.mean((reference.standard_error[self.lit] / reference.image[self.lit]) ** 2)
-            ms, rms = 1e3 * median([cost for cost, _ in runs]).cpu / PIXELS, np.sqrt(max(np.mean(off**2) - own, 0.0))
-            worth = rms**2 * ms
-            first = worth if first is None else first
-            errors = 100 * float(np.median(np.abs(off))), 100 * float(rms)
-            yield self.name, samples, program, ms, *errors, 1e3 * float(worth), float(worth / first)
+    def row(self, samples, rounds):
+        """Cost and error of each program, and the ratio of RMS^2 x CPU in each round; a first round is not counted."""
+        ms, variance = np.zeros((2, len(self.renderers), rounds + 1))
+        for seed in range(rounds + 1):
+            for k, (render, reference) in enumerate(zip(self.renderers, self.references, strict=True)):
+                cost, image = timed(render, samples, seed)
+                error = image[self.lit] / reference.image[self.lit] - 1.0
+                uncertainty = reference.standard_error[self.lit] / reference.image[self.lit]
+                ms[k, seed], variance[k, seed] = 1e3 * cost.cpu / PIXELS, np.mean(error**2) - np.mean(uncertainty**2)
+        ms, rms = ms[:, 1:], 100 * np.sqrt(np.maximum(variance[:, 1:].mean(axis=1), 0.0))
+        cells = [cell for k in range(len(ms)) for cell in (float(np.median(ms[k])), float(rms[k]))]
+        if len(ms) == 1:
+            return [self.name, samples, *cells]
+        ratios = (variance[1, 1:] * ms[1] / (variance[0, 1:] * ms[0])).tolist()
+        spread = f"{min(ratios):.2f} to {max(ratios):.2f}"
+        return [self.name, samples, *cells, round(statistics.median(ratios), 2), spread]
 
-    def compared(self):
-        """Whether references show the same as this package's."""
-        ours = self.references[OURS]
-        for family, theirs in list(self.references.items())[1:]:
+    def references_compared(self):
+        """Difference of the references of both programs."""
+        ours = self.references[0]
+        for theirs in self.references[1:]:
             error = np.hypot(ours.standard_error, theirs.standard_error)
             z = ((theirs.image - ours.image) / error)[self.lit & (error > 0)]
             of_mean = 100 * np.sqrt(np.mean(error**2) / PIXELS) / ours.image.mean()
             mean = 100 * (theirs.image.mean() / ours.image.mean() - 1)
-            yield self.name, family, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))
+            yield self.name, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))
