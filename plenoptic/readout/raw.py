@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.display import picture_of
 from plenoptic.core.files import images
-from plenoptic.core.files.codes import COLOR_SPACE
+from plenoptic.core.files.codes import COLOR_SPACE, whole_numbers
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits
 from plenoptic.core.files.serialization import fields_from_metadata, fields_to_metadata
 from plenoptic.core.values import (
@@ -235,10 +235,9 @@ class RawImage:
         """
         channels, metadata = images.read_channels(file_path(path), limits=limits)
         if "plenoptic:model" not in metadata:
-            raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_channels")
+            raise FileError(f"{os.fspath(path)!r} names no sensor model; read it with pl.images.read_raw")
         metadata_fields = fields_from_metadata(metadata, _KEPT_AS_TEXT)
-        # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
-        data = np.rint(np.stack(list(channels.values()), axis=-1).astype(np.float64) * 65535).astype(np.uint16)
+        data = whole_numbers(channels.values(), 16)
         try:
             return cls(data[:, :, 0] if data.shape[2] == 1 else data, **metadata_fields)
         except (InvalidValueError, TypeError) as error:

@@ -206,7 +206,7 @@ def fields_of_image(path: str | os.PathLike[str], limits: FileLimits) -> dict[st
 
 def metadata_of_image(path: str | os.PathLike[str]) -> ExposureMetadata:
     """Metadata of the exposure in an image file."""
-    shape, names, picture, metadata = images.read_header(path)
+    shape, names, picture, metadata, _ = images.read_header(path)
     planes = {"standard_error": [f"error.{name}" for name in CHANNEL_NAMES[len(picture)]], "sample_counts": [_SAMPLES]}
     arrays = ["image", *(array for array, needed in planes.items() if {*needed} <= {*names}), *stored_truth(names)]
     with content_errors(os.fspath(path), "holds no possible exposure"):

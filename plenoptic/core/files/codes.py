@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -39,6 +39,15 @@ class ImageHeader(NamedTuple):
     picture: list[str]
     """Names of the one or three channels of the picture."""
     metadata: dict[str, Any]
+    bits: int | None
+    """Bits of its integers, 8 or 16; None for other numbers."""
+
+
+def whole_numbers(channels: Iterable[NDArray[np.float32]], bits: int) -> NDArray[np.uint16]:
+    """Numbers (H, W, C) of a file of 8 or 16 bits, from channels that are scaled to 0..1."""
+    # float32 holds k / 65535 to 2^-25, so that the rounded product is k again.
+    numbers = np.stack(list(channels), axis=-1).astype(np.float64) * (2**bits - 1)
+    return np.asarray(np.rint(numbers), dtype=np.uint16)
 
 
 def channel_number(channel: int | None) -> int | None:

@@ -172,7 +172,8 @@ def read_header(path: str | os.PathLike[str]) -> ImageHeader:
     """Shape, channels and metadata of an image file, without its pixels; damage among these goes unnoticed."""
     with _open_image(path, DEFAULT) as (source, spec, metadata):
         names = list(spec.channelnames)
-        return ImageHeader(picture_shape(spec, source.format_name()), names, picture_names(names, path), metadata)
+        shape, bits = picture_shape(spec, source.format_name()), {"uint8": 8, "uint16": 16}.get(str(spec.format))
+        return ImageHeader(shape, names, picture_names(names, path), metadata, bits)
 
 
 def write_channels(
