@@ -45,11 +45,11 @@ def read_lytro_image(path: Path, limits: FileLimits) -> LytroImage:
     if content.startswith(_MAGIC):
         sections = list(_sections(content, path))
     else:
-        beside = [file for ending in (".TXT", ".txt") if (file := path.with_suffix(ending)).exists()]
-        if not beside:
+        text_files = [file for ending in (".TXT", ".txt") if (file := path.with_suffix(ending)).exists()]
+        if not text_files:
             raise FileError(f"{str(path)!r} is no Lytro container, and has no text of its camera (.TXT) beside it")
-        check_file(beside[0], limits)
-        sections = [content, beside[0].read_bytes()]
+        check_file(text_files[0], limits)
+        sections = [content, text_files[0].read_bytes()]
     texts = [text for section in sections if (text := _text(section)) is not None]
     for text in texts:
         if (image := _description(text)) is not None:

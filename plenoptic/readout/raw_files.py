@@ -73,13 +73,13 @@ def read_raw(
     >>> raw, raw.linear()[0, :2]
     (RawImage(1 x 4, 12 bits, 25 % saturated), array([0., 1.]))
     """
-    file, stated = file_path(path), (bits, black_level, white_level, colour_filters)
+    file, facts = file_path(path), (bits, black_level, white_level, colour_filters)
     if file.suffix.lower() in _LYTRO:
-        _check_unstated(stated, file)
+        _check_no_facts(facts, file)
         return read_lytro(file, limits=limits)[0]
     channels, metadata = images.read_channels(file, limits=limits)
     if "plenoptic:model" in metadata:
-        _check_unstated(stated, file)
+        _check_no_facts(facts, file)
         return RawImage.load(file, limits=limits)
     file_bits = images.read_header(file).bits
     if file_bits is None:
@@ -134,8 +134,8 @@ def read_lytro(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
     return _raw(image.data, image.bits, image.black, image.white, image.colour_filters), image.metadata
 
 
-def _check_unstated(stated: tuple[object, ...], file: Path) -> None:
-    if any(number is not None for number in stated):
+def _check_no_facts(facts: tuple[object, ...], file: Path) -> None:
+    if any(number is not None for number in facts):
         raise InvalidValueError(f"{str(file)!r} states bits, levels and filters itself; leave them out")
 
 
