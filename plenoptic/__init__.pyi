@@ -1,6 +1,7 @@
 from . import aberrations as aberrations
 from . import aiming as aiming
 from . import bsdf as bsdf
+from . import calibration as calibration
 from . import camera as camera
 from . import dataset as dataset
 from . import errors as errors

@@ -1,0 +1,217 @@
+"""MicroImageGrid: the lattice of the micro images on a sensor, in pixels, without a camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import KW_ONLY
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike, NDArray
+
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    checked_shape,
+    choice,
+    frozen_array,
+    numbers,
+    plain_array,
+    set_field,
+    value,
+)
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.lattice import Lattice, lattice_basis
+
+_INVERSIONS, _LARGEST_SLOPE = 20, 0.5
+"""Steps of the inversion of the deviation, and largest change of it per pixel, with which they converge to 1e-6."""
+
+
+@value
+class MicroImageGrid:
+    """Lattice of the micro images on a sensor, in pixels: positions (u, v), u the column and v the row.
+
+    The first pixel's centre is at (0, 0). The micro image with the index (k, l) is centred at p + deviation(p), where
+    p = origin + k basis[0] + l basis[1].
+
+    Parameters
+    ----------
+    lattice : Lattice
+        HEXAGONAL, SQUARE or RECTANGULAR, along the vectors of `basis`: the lattice may be turned by any angle.
+    origin : (2,) array_like
+        Position (u, v) of the micro image (0, 0), without deviation.
+    basis : (2, 2) array_like
+        Rows are the steps (u, v) from (k, l) to (k + 1, l) and to (k, l + 1). In a HEXAGONAL lattice they are about
+        60 degrees apart.
+    shape : (int, int)
+        Rows and columns of the sensor.
+    deviation : (n, n, 2) array_like, optional
+        Smooth deviation from the lattice: coefficients of the products T_i(x) T_j(y) of Chebyshev polynomials, in
+        pixels along u and v, with x and y from -1 to 1 across the columns and rows of the sensor. None: none.
+    index : (m, 2) array_like of int, optional
+        Indices (k, l) of measured micro images, one a row of the arrays that follow.
+    centre : (m, 2) array_like, optional
+        Their measured centres (u, v).
+    standard_error : (m, 2) array_like, optional
+        Standard errors of the centres along u and v.
+    radius : (m,) array_like, optional
+        Their radii, pixels: of discs of the same area and brightness.
+    type_pattern : (p, q) array_like of int
+        Type of the micro image (k, l), at [k mod p, l mod q], from 0; as `MicrolensArray.type_pattern`.
+
+    Raises
+    ------
+    InvalidValueError
+        If the lattice is FREE or flat, arrays do not fit, or the deviation changes by more than half a pixel per pixel.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> grid = pl.calibration.MicroImageGrid(
+    ...     pl.Lattice.HEXAGONAL, origin=(100.0, 80.0), basis=[(20.0, 0.0), (10.0, 17.32)], shape=(160, 200)
+    ... )
+    >>> grid
+    MicroImageGrid(HEXAGONAL, pitch 20 pixels along rows, rotation 0.00 degrees, 160 x 200 pixels)
+    >>> grid.centres_of((1, 2)), grid.indices_of((141.0, 115.0))
+    (array([140.  , 114.64]), array([1, 2]))
+    """
+
+    lattice: Lattice
+    _: KW_ONLY
+    origin: Given[Floats, ArrayLike]
+    basis: Given[Floats, ArrayLike]
+    shape: tuple[int, int]
+    deviation: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    index: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
+    centre: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    standard_error: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    radius: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    type_pattern: Given[NDArray[np.int64], ArrayLike] = Given(default=((0,),))
+
+    def __post_init__(self) -> None:
+        set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
+        if self.lattice is Lattice.FREE:
+            raise InvalidValueError("lattice is FREE, whose micro images lie on no grid; give HEXAGONAL or SQUARE")
+        set_field(self, "origin", frozen_array(self.origin, name="origin", shape=(2,)))
+        set_field(self, "basis", frozen_array(self.basis, name="basis", shape=(2, 2)))
+        set_field(self, "shape", checked_shape(self.shape, ("rows", "columns")))
+        set_field(
+            self,
+            "type_pattern",
+            frozen_array(self.type_pattern, name="type_pattern", shape=(None, None), dtype=np.int64),
+        )
+        lengths = np.hypot(*self.basis.T)
+        if not (np.isfinite(self.origin).all() and abs(np.linalg.det(self.basis)) > 0.1 * lengths.prod()):
+            raise InvalidValueError(f"basis is {self.basis.tolist()}; give two steps (u, v) in different directions")
+        self._check_measured()
+        if self.deviation is not None:
+            series = frozen_array(self.deviation, name="deviation", shape=(None, None, 2))
+            set_field(self, "deviation", series)
+            # Derivatives of T_n reach n^2 at the ends.
+            n = np.arange(len(series))[:, None] ** 2, np.arange(series.shape[1]) ** 2
+            slopes = [
+                (np.abs(series) * d[..., None]).sum() * 2 / size for d, size in zip(n, self.shape[::-1], strict=True)
+            ]
+            if not max(slopes) < _LARGEST_SLOPE:
+                raise InvalidValueError("deviation changes by more than half a pixel per pixel; put it into the basis")
+
+    def _check_measured(self) -> None:
+        rows = None if self.index is None else len(plain_array(self.index, "index"))
+        for name, columns, dtype in (
+            ("index", (2,), np.int64),
+            ("centre", (2,), np.float64),
+            ("standard_error", (2,), np.float64),
+            ("radius", (), np.float64),
+        ):
+            array = getattr(self, name)
+            if array is not None:
+                if rows is None:
+                    raise InvalidValueError(f"{name} is given without index; give the indices of the micro images too")
+                set_field(self, name, frozen_array(array, name=name, shape=(rows, *columns), dtype=dtype))
+
+    @property
+    def pitches(self) -> tuple[float, float]:
+        """Distances of neighbours along both vectors of `basis` in pixels."""
+        first, second = np.hypot(*self.basis.T).tolist()
+        return first, second
+
+    @property
+    def pitch(self) -> float:
+        """Root of the product of both `pitches`."""
+        return math.sqrt(math.prod(self.pitches))
+
+    @property
+    def is_along_rows(self) -> bool:
+        """True if neighbours stand nearer to the rows of the sensor than to the columns, as in SQUARE lattices."""
+        return abs(self._turn(0.0)) <= abs(self._turn(90.0))
+
+    @property
+    def rotation(self) -> float:
+        """Least rotation from u to v that brings neighbours of a lattice along rows, or columns, here; in radians."""
+        return math.radians(self._turn(0.0 if self.is_along_rows else 90.0))
+
+    def _turn(self, direction: float) -> float:
+        """Least angle in degrees from a direction to one of neighbours, by the closest lattice of equal angles."""
+        symmetry = 6 if self.lattice is Lattice.HEXAGONAL else 4 if self.lattice is Lattice.SQUARE else 2
+        ideal = lattice_basis(self.lattice, self.pitches)
+        steps = self.basis @ (1.0, 1j)
+        # The second vector of `lattice_basis` is along y.
+        ideal_steps = ideal @ (1.0, 1j) / 1j
+        if self.basis[0, 0] * self.basis[1, 1] < self.basis[0, 1] * self.basis[1, 0]:
+            ideal_steps = ideal_steps.conj()
+        angle = math.degrees(np.angle(np.vdot(ideal_steps, steps))) - direction
+        return angle - 360.0 / symmetry * round(angle * symmetry / 360.0)
+
+    def centres_of(self, index: ArrayLike) -> Floats:
+        """Centres (..., 2) of micro images (k, l) of the lattice, in pixels (u, v), with the smooth deviation."""
+        p = self.origin + numbers(index, "index", columns=2) @ self.basis
+        return p + self._deviation_at(p)
+
+    def indices_of(self, position: ArrayLike) -> NDArray[np.int64]:
+        """Indices (..., 2) of the micro images whose centres are nearest to positions (..., 2), in pixels (u, v)."""
+        uv = numbers(position, "position", columns=2)
+        p = uv
+        for _ in range(_INVERSIONS if self.deviation is not None else 0):
+            p = uv - self._deviation_at(p)
+        steps = (p - self.origin) @ np.linalg.inv(self.basis)
+        lower = np.floor(steps)
+        corners = lower[..., None, :] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
+        distance = np.linalg.norm((steps[..., None, :] - corners) @ self.basis, axis=-1)
+        nearest = distance.argmin(axis=-1)[..., None, None]
+        return np.asarray(np.take_along_axis(corners, nearest, axis=-2)[..., 0, :].astype(np.int64))
+
+    def types_of(self, index: ArrayLike) -> NDArray[np.int64]:
+        """Types (...) of micro images (k, l)."""
+        k, l = np.moveaxis(frozen_array(index, name="index", shape=np.shape(index), dtype=np.int64), -1, 0)
+        p, q = self.type_pattern.shape
+        return np.asarray(self.type_pattern[k % p, l % q])
+
+    @property
+    def on_sensor(self) -> NDArray[np.int64]:
+        """Indices (n, 2) of all micro images of the lattice with their centres on the sensor, by k, then l."""
+        rows, columns = self.shape
+        edge = np.array([(u, v) for u in (0, columns - 1) for v in (0, rows - 1)])
+        low, high = self.indices_of(edge).min(axis=0) - 2, self.indices_of(edge).max(axis=0) + 2
+        index = np.stack(np.meshgrid(*map(np.arange, low, high + 1), indexing="ij"), axis=-1).reshape(-1, 2)
+        u, v = self.centres_of(index).T
+        return index[(u >= -0.5) & (u <= columns - 0.5) & (v >= -0.5) & (v <= rows - 0.5)]
+
+    def _deviation_at(self, p: Floats) -> Floats | float:
+        if self.deviation is None:
+            return 0.0
+        x, y = ((2.0 * p - (self.shape[1] - 1, self.shape[0] - 1)) / self.shape[::-1]).T
+        # Beyond the sensor it goes on as at the edge.
+        x, y = np.clip(x, -1.1, 1.1), np.clip(y, -1.1, 1.1)
+        return np.asarray(np.moveaxis(chebyshev.chebval2d(x.T, y.T, self.deviation), 0, -1))
+
+    def __repr__(self) -> str:
+        pitches = " x ".join(
+            f"{p:.5g}" for p in dict.fromkeys(self.pitches if self.lattice is Lattice.RECTANGULAR else [self.pitch])
+        )
+        direction = f" along {'rows' if self.is_along_rows else 'columns'}" if self.lattice is Lattice.HEXAGONAL else ""
+        types, n = int(self.type_pattern.max()) + 1, 0 if self.index is None else len(self.index)
+        facts: list[Any] = [self.lattice.name, f"pitch {pitches} pixels{direction}"]
+        facts.append(f"rotation {round(math.degrees(self.rotation), 2) + 0.0:.2f} degrees")
+        facts += [f"{types} types"] * (types > 1) + [f"{n} centres"] * (n > 0)
+        return f"MicroImageGrid({', '.join(facts)}, {self.shape[0]} x {self.shape[1]} pixels)"
