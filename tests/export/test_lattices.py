@@ -14,6 +14,21 @@ from plenoptic.export.lattice import lens_rows
 HEXAGONAL, SQUARE, RECTANGULAR = pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE, pl.Lattice.RECTANGULAR
 
 
+def test_damaged_grids_are_refused_with_a_reason(tmp_path):
+    pl.export.plenoptic_toolbox(tmp_path, blank(camera()))
+    good = (tmp_path / "shot.xml").read_text()
+    for old, new, reason in (
+        ("</RayCalibData>", "", "holds no lattice"),
+        ('<rotation units="rad">', '<rotation units="rad">x', "could not convert"),
+        ("diameter", "width", "no diameter"),
+        ('id="2"', 'id="1"', "lens types \\[0, 1\\]"),
+        ('<?xml version="1.0" encoding="UTF-8"?>', "<!DOCTYPE x>", "document type"),
+    ):
+        (tmp_path / "bad.xml").write_text(good.replace(old, new))
+        with pytest.raises(pl.errors.FileError, match=reason):
+            pl.calibration.read_grid(tmp_path / "bad.xml", (150, 150))
+
+
 def blank(taken_by, region=None):
     rows, columns = taken_by.sensor.shape if region is None else (region[1] - region[0], region[3] - region[2])
     return pl.Exposure(np.zeros((rows, columns, 1)), camera=taken_by, region=region)
@@ -125,6 +140,11 @@ def test_the_toolbox_gets_what_it_reads(tmp_path):
         kind = ((-axial[:, 0]) % 3 + axial[:, 1]) % 3
         assert [len(np.unique(centres.type[kind == k])) for k in range(3)] == [1, 1, 1]
         assert len(root.findall("lens_type")) == 3
+        grid = pl.calibration.read_grid(folder / "shot.xml", shot.image.shape[:2])
+        index = grid.indices_of(centres.pixel[:, ::-1])
+        assert np.sqrt(np.mean((grid.centres_of(index) - centres.pixel[:, ::-1]) ** 2)) < 0.005, degrees
+        pairs = {*zip(grid.types_of(index).tolist(), centres.type.tolist(), strict=True)}
+        assert len(pairs) == 3 and len({kind for _, kind in pairs}) == len(focal_lengths)
         drawn = pl.images.read_channels(folder / "shot_disp.png")[0]["R"] * number["diameter"]
         known = np.abs(shot.truth.disparity)
         seen = np.isfinite(known) & (known < number["diameter"])
