@@ -21,7 +21,7 @@ def test_damaged_grids_are_refused_with_a_reason(tmp_path):
         ("</RayCalibData>", "", "holds no lattice"),
         ('<rotation units="rad">', '<rotation units="rad">x', "could not convert"),
         ("diameter", "width", "no diameter"),
-        ('id="2"', 'id="1"', "lens types \\[0, 1\\]"),
+        ('id="2"', 'id="1"', "lens types \\[0, 1, 1\\]"),
         ('<?xml version="1.0" encoding="UTF-8"?>', "<!DOCTYPE x>", "document type"),
     ):
         (tmp_path / "bad.xml").write_text(good.replace(old, new))

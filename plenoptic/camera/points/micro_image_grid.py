@@ -195,7 +195,7 @@ class MicroImageGrid:
         low, high = self.indices_of(edge).min(axis=0) - 2, self.indices_of(edge).max(axis=0) + 2
         index = np.stack(np.meshgrid(*map(np.arange, low, high + 1), indexing="ij"), axis=-1).reshape(-1, 2)
         u, v = self.centres_of(index).T
-        return index[(u >= -0.5) & (u <= columns - 0.5) & (v >= -0.5) & (v <= rows - 0.5)]
+        return np.asarray(index[(u >= -0.5) & (u <= columns - 0.5) & (v >= -0.5) & (v <= rows - 0.5)])
 
     def _deviation_at(self, p: Floats) -> Floats | float:
         if self.deviation is None:
