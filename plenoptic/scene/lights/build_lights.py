@@ -284,7 +284,8 @@ def environment_record(environment: EnvironmentMap, channels: int) -> Environmen
 def _guide(cdf: Floats, size: int) -> NDArray[np.uint16]:
     """Guide table of a cumulative distribution, of at least `size` entries: see `sample_guided_cdf`."""
     size = 1 << max(size - 1, 0).bit_length()
-    return np.minimum(np.searchsorted(cdf, np.arange(size) / size, side="right"), cdf.size - 1).astype(np.uint16)
+    last = min(cdf.size - 1, np.iinfo(np.uint16).max)  # searches of wider tables begin there
+    return np.minimum(np.searchsorted(cdf, np.arange(size) / size, side="right"), last).astype(np.uint16)
 
 
 def _row_edges(rows: int) -> Floats:
