@@ -45,6 +45,8 @@ pl.LensStack(elements=list(lens().elements), iris=lens().iris, name="a", ambient
 lens().moved(which=1, shift=(0.1, 0.0, 0.0), tilt=(0.01, 0.0, 0.0), pivot=2.0)
 lens().with_stop(stop=pl.CircularStop(3.0))
 lens().with_model(model=pl.LensModel.THIN)
+lens().scaled(0.5)
+lens().scaled(focal_length=50.0)
 lens().inserted(stop=pl.CircularStop(3.0), z=30.0)
 lens().profiles(points=5)
 lens().indices(wavelength=wave)

@@ -84,6 +84,13 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))
 
 
+def check_stop(stop: Stop) -> Stop:
+    """Return a stop, or raise an error if it is none."""
+    if not isinstance(stop, Stop):
+        raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")
+    return stop
+
+
 def _check_order(stack: Sequence[Element]) -> None:
     """Refuse a stop whose negative thickness places the next surface in front of the preceding one."""
     z, z_surface = 0.0, -np.inf

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.display import draw, picture_of
 from plenoptic.core.rays import RayBundle
-from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, finite, read_only, set_field, value, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, check_one_space, checked_elements, profile_of
+from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, profile_of
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.stop_registry import Stop
 from plenoptic.optics.surfaces.mirror import medium_behind
@@ -198,24 +197,38 @@ class LensStack:
         >>> lens.moved(slice(1, 3), shift=(0.2, 0, 0)).elements[1].placement.shift.tolist()
         [0.2, 0.0, 0.0]
         """
-        elements, places = list(self.elements), range(len(self.elements))
-        try:
-            chosen = places[which] if isinstance(which, slice) else [places[i] for i in np.atleast_1d(which)]
-        except (IndexError, TypeError, ValueError):
-            chosen = []
-        if not chosen:
-            raise PrescriptionError(f"which is {which!r}; it must select elements, from 0 to {len(elements) - 1}")
-        check_one_space(elements, chosen)
-        turn, along = rotation_about_axes(tilt), Placement(shift=shift).shift
-        vertices = np.zeros((len(elements), 3))
-        vertices[:, 2] = self.vertices
-        centre = vertices[min(chosen)] if pivot is None else np.array([0.0, 0.0, finite(pivot, "pivot")])
-        for i in set(chosen):
-            before = elements[i].placement or Placement()
-            moved = turn @ (vertices[i] + before.shift - centre) + centre + along - vertices[i]
-            placement = Placement(moved, turn @ before.rotation)
-            elements[i] = dataclasses.replace(elements[i], placement=placement)
-        return dataclasses.replace(self, elements=elements)
+        from plenoptic.optics.lens.modify import move_elements  # imports this module
+
+        return move_elements(self, which, shift, tilt, pivot)
+
+    def scaled(self, factor: float | None = None, *, focal_length: float | None = None) -> LensStack:
+        """The same lens in another size: every length times one factor.
+
+        Radii, gaps, semi-diameters, aspheric and freeform coefficients, shifts and the specification scale; angles,
+        f-numbers and glasses stay. So do `name` and `source`, which `dataclasses.replace` changes.
+
+        Parameters
+        ----------
+        factor : float, optional
+            From 1e-6 to 1e6.
+        focal_length : float, optional
+            Effective focal length of the scaled lens at 587.6 nm in mm, in place of a factor.
+
+        Raises
+        ------
+        InvalidValueError
+            If neither or both are given, or the lens has no such focal length.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> lens = pl.load_lens("double-gauss-100mm-f2").scaled(focal_length=35.0)
+        >>> round(pl.paraxial.cardinal_points(lens).efl, 12)
+        35.0
+        """
+        from plenoptic.optics.lens.modify import scale_lens  # imports this module
+
+        return scale_lens(self, factor, focal_length)
 
     def with_stop(self, stop: Stop) -> LensStack:
         """The same lens with another iris in the same place; the gap behind the iris stays.
@@ -227,7 +240,7 @@ class LensStack:
         >>> lens.stop
         PolygonStop(blades=6, semi_diameter=5.0, thickness=9.0)
         """
-        _check_stop(stop)
+        check_stop(stop)
         elements = list(self.elements)
         placement = self.stop.placement if stop.placement is None else stop.placement
         elements[self.iris_index] = dataclasses.replace(stop, thickness=self.stop.thickness, placement=placement)
@@ -246,21 +259,9 @@ class LensStack:
         >>> lens.inserted(pl.CircularStop(18.0), z=31.0).vertices[-2:]
         array([30.31, 31.  ])
         """
-        _check_stop(stop)
-        z_stop, ends = finite(z, "z"), [-np.inf, *self.vertices.tolist(), np.inf]
-        gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= z_stop <= high]
-        in_air = [i for i in gaps if self.gap_media[i] == self.ambient]
-        if not in_air:
-            low, high = ends[gaps[0]], ends[gaps[0] + 1]
-            raise PrescriptionError(
-                f"z {z_stop:g} mm lies in glass from {low:g} to {high:g} mm; place the stop in an air gap"
-            )
-        gap, elements = in_air[0], list(self.elements)
-        if gap > 0:
-            elements[gap - 1] = dataclasses.replace(elements[gap - 1], thickness=z_stop - ends[gap])
-        behind = ends[gap + 1] - z_stop if gap < len(elements) else 0.0
-        elements.insert(gap, dataclasses.replace(stop, thickness=behind))
-        return dataclasses.replace(self, elements=elements, iris=self.iris_index + (gap <= self.iris_index))
+        from plenoptic.optics.lens.modify import insert_stop  # imports this module
+
+        return insert_stop(self, check_stop(stop), z)
 
     def profiles(self, points: int = 41) -> tuple[Floats, ...]:
         """Cross section of each element in the plane x = 0, up to its rim: (points, 2) arrays of z, y in mm.
@@ -393,8 +394,3 @@ class LensStack:
         from plenoptic.optics.lens.trace import trace_rays  # imports this module
 
         return trace_rays(self, rays, reverse=True, threads=threads)
-
-
-def _check_stop(stop: Stop) -> None:
-    if not isinstance(stop, Stop):
-        raise PrescriptionError(f"stop is {stop!r}; it must be a stop, such as a CircularStop")

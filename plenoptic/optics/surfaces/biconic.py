@@ -70,6 +70,10 @@ class BiconicSag:
         """The term with the opposite sign."""
         return BiconicSag(-self.radius_x, -self.radius_y, self.conic_x, self.conic_y)
 
+    def scaled(self, factor: float) -> BiconicSag:
+        """The term with all lengths times a factor."""
+        return BiconicSag(factor * self.radius_x, factor * self.radius_y, self.conic_x, self.conic_y)
+
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Sag in mm at points (x, y), mm; PrescriptionError beyond the equator of the biconic."""
         _, a, w = self._at(x, y)

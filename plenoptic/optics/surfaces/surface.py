@@ -9,7 +9,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, broadcast, coefficients, finite, length_in_mm, numbers, set_field, value
+from plenoptic.core.values import (
+    SMALLEST_LENGTH,
+    Floats,
+    broadcast,
+    coefficients,
+    finite,
+    length_in_mm,
+    numbers,
+    set_field,
+    value,
+)
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
@@ -183,6 +193,19 @@ class Surface:
             aspheric=tuple(-a for a in self.aspheric),
             freeform=None if term is None else term.inverted,
             placement=placement,
+        )
+
+    def scaled(self, factor: float) -> Surface:
+        """The surface with all lengths times a factor above 0; the gap and the placement stay."""
+        # The limits of the semi-diameter must not be missed by rounding.
+        bare = Surface(factor * self.radius, semi_diameter=SMALLEST_LENGTH, conic=self.conic)
+        return dataclasses.replace(
+            self,
+            radius=bare.radius,
+            semi_diameter=bare.equator if self.depth is not None else min(factor * self.semi_diameter, bare.equator),
+            aspheric=tuple(a / factor ** (2 * i + 1) for i, a in enumerate(self.aspheric)),
+            depth=None if self.depth is None else factor * self.depth,
+            freeform=None if self.freeform is None else self.freeform.scaled(factor),
         )
 
     def row(self) -> ElementRow:

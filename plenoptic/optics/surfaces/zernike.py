@@ -107,6 +107,10 @@ class ZernikeSag:
         """The term with the opposite sign."""
         return ZernikeSag(tuple(-a for a in self.coefficients), self.norm_radius)
 
+    def scaled(self, factor: float) -> ZernikeSag:
+        """The term with all lengths times a factor."""
+        return ZernikeSag(tuple(factor * a for a in self.coefficients), factor * self.norm_radius)
+
     def sag(self, x: ArrayLike, y: ArrayLike) -> Floats:
         """Sag of the term in mm at points (x, y), mm."""
         zeta, u = self._zeta(x, y)
