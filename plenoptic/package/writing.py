@@ -219,6 +219,7 @@ def _camera_description(camera: PlenopticCamera) -> dict[str, Any]:
             "lattice": array.lattice.name,
             "basis": None if array.centres is not None else array.basis.tolist(),
             "pitches": list(array.pitches),
+            "extent": array.extent,
             "focal_lengths": list(array.focal_lengths),
             "distance_to_sensor": camera.microlenses_to_sensor,
         }

@@ -147,6 +147,8 @@ def an_array(rnd, kind, pitch):
     elif kind is Kind.FREE:
         centres = [[signed(rnd, 2.0 * pitch), signed(rnd, 2.0 * pitch)] for _ in range(rnd.randint(1, 9))]
         more, lattice, each = {"centres": centres}, pl.Lattice.FREE, pitch
+    if kind is not Kind.FREE and chance(rnd, 8):
+        more["extent"] = (length(rnd, 3.0 * pitch), length(rnd, 3.0 * pitch))
     return pl.MicrolensArray(each, tuple(focal_lengths), lattice, **more)
 
 

@@ -66,7 +66,7 @@ pl.glass("N-BK7").index(wavelength=wave)
 pl.glass(name="N-BK7")
 optics.abbe_number(medium=pl.glass("N-BK7"))
 pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0, 3.0), lattice=pl.Lattice.SQUARE, thickness=0.1, index=1.5,
-    pattern=[[0, 1]])
+    pattern=[[0, 1]], extent=(3.0, 2.0))
 MicrolensArray.free: pl.MicrolensArray(pitch=0.2, focal_lengths=(2.0,), lattice=pl.Lattice.FREE, centres=[[0.0, 0.0],
     [0.2, 0.0]], types=[0, 0])
 MicrolensArray.model: pl.MicrolensArray(pitch=(0.2, 0.3), focal_lengths=2.0, lattice=pl.Lattice.RECTANGULAR,

@@ -377,6 +377,13 @@ def _patches(camera: PlenopticCamera, white: Exposure, centres: MicrolensCentres
     region = white.region or (0, white.image.shape[0], 0, white.image.shape[1])
     low, high = np.array(region[::2]) + half, np.array(region[1::2]) - 1 - half
     inside = np.flatnonzero(((pixel >= low) & (pixel <= high)).all(axis=1))
+    if array.extent is not None and len(inside):
+        # Without the dark frame of the array.
+        width = half * min(array.pitches) / np.hypot(*basis.T).min()
+        limit = array.half_extent - array.cell_radius - width
+        inside = inside[(np.abs(centres.on_array[inside]) <= limit).all(axis=1)]
+        if len(inside):
+            low, high = pixel[inside].min(axis=0), pixel[inside].max(axis=0)
     grid = np.stack(np.meshgrid(*np.linspace(low, high, count).T, indexing="ij"), axis=-1).reshape(-1, 2)
     nearest = [inside[np.hypot(*(pixel[inside] - point).T).argmin()] for point in grid if len(inside)]
     chosen = np.unique(np.array(nearest, dtype=np.int64))

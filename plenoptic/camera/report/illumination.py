@@ -69,6 +69,7 @@ def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
     half_x, half_y = (0.5 * size / stretch * (1 + 1e-9) for size in (width, height))
     if array.centres is not None:
         return int((np.abs(array.centres) <= (half_x, half_y)).all(axis=1).sum())
+    half_x, half_y = np.minimum((half_x, half_y), array.half_extent).tolist()
     # Columns run along y in all lattices: basis[1, 0] is 0.
     (along, rise), (_, step) = array.basis.tolist()
     last = math.floor(half_x / along)

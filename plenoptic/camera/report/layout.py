@@ -59,6 +59,7 @@ def section_rays(camera: PlenopticCamera) -> SectionRays:
     array, (wide, high) = camera.microlenses, camera.microlenses.pitches
     array_pose = back.of(rigid(camera.microlenses_placement, camera.stop_to_microlenses))
     height = height / (1.0 + camera.microlenses_to_sensor * cone.vergence)
+    height = min(height, max(float(array.half_extent[1]) - high, 0.0))
     middle = array.nearest(np.array([[0.0, height]]))[0]
     reach = np.array([0.3 * wide, _DETAIL_PITCHES * high])
     lenses = array.lenses(middle - reach, middle + reach)

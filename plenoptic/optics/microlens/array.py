@@ -29,6 +29,7 @@ from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDev
 from plenoptic.optics.microlens.lattice import (
     Lattice,
     cell_polygon,
+    checked_extent,
     checked_pitch,
     default_pattern,
     lattice_basis,
@@ -80,6 +81,10 @@ class MicrolensArray:
         Material of the lenses, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
         out. Surfaces keep their curvature, so that the power is proportional to index - 1; a PINHOLE has no power.
         None: the index is the same at all wavelengths.
+    extent : (float, float), optional
+        Width and height in mm, along x and y, of the part of the plane in which a microlens has its centre. An opaque
+        frame surrounds these lenses: they are whole, and pixels that see none of them are dark. None: microlenses
+        wherever light arrives. FREE lattices list their lenses in place of it.
     walls : Walls
         OPAQUE separates the spaces behind the cells, up to the sensor, as in an array of cameras.
     imperfections : MicrolensImperfections or MicrolensDeviations, optional
@@ -124,6 +129,7 @@ class MicrolensArray:
     types: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
     aperture: MicrolensAperture | None = None
     imperfections: Imperfections | None = None
+    extent: tuple[float, float] | None = None
     walls: Walls = Walls.NONE
     medium: Medium | None = None
 
@@ -145,6 +151,8 @@ class MicrolensArray:
         if not self.index > 1:
             raise InvalidValueError(f"index of the microlenses is {self.index}; it must be above 1")
         set_field(self, "walls", choice(self.walls, Walls, "walls"))
+        if self.extent is not None:
+            set_field(self, "extent", checked_extent(self.extent, self.lattice))
         self._check_types()
         for name, kinds in (
             ("aperture", (MicrolensAperture,)),
@@ -205,6 +213,12 @@ class MicrolensArray:
     def pitches(self) -> tuple[float, float]:
         """Pitch along x and y in mm; the same number twice except for RECTANGULAR."""
         return self.pitch if isinstance(self.pitch, tuple) else (self.pitch, self.pitch)
+
+    @property
+    def half_extent(self) -> Floats:
+        """(2,) largest |x| and |y| of a design centre in mm, with a margin for rounding; inf without an extent."""
+        half = np.full(2, np.inf) if self.extent is None else 0.5 * np.array(self.extent)
+        return read_only(half + 1e-9 * np.array(self.pitches))
 
     @property
     def type_pattern(self) -> NDArray[np.int64]:
@@ -299,7 +313,7 @@ class MicrolensArray:
         return lenslets(self, frozen_array(low, name="low", shape=(2,)), frozen_array(high, name="high", shape=(2,)))
 
     def nearest(self, points: Floats) -> Floats:
-        """Design centres (n, 2) of the cells that hold points (n, 2) of the array's plane, in mm.
+        """Design centres (n, 2) in mm of the cells that hold points (n, 2) of the array's plane; nan beyond the extent.
 
         Examples
         --------
@@ -319,6 +333,7 @@ class MicrolensArray:
         base = np.floor(points @ np.linalg.inv(self.basis))
         corners = np.stack([base + step for step in ([0, 0], [0, 1], [1, 0], [1, 1])]) @ self.basis
         distance = np.linalg.norm(corners - points, axis=-1)
-        return np.asarray(np.take_along_axis(corners, distance.argmin(axis=0)[None, :, None], axis=0)[0])
+        nearest = np.take_along_axis(corners, distance.argmin(axis=0)[None, :, None], axis=0)[0]
+        return np.where((np.abs(nearest) <= self.half_extent).all(axis=1, keepdims=True), nearest, np.nan)
 
     _repr_html_ = picture_of

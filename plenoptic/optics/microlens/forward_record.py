@@ -30,8 +30,8 @@ def forward_record(
 
 
 def differs_forward(record: ArrayRecord) -> bool:
-    """True if lenses differ or do not fill their cells."""
-    return record.differs or not record.opening.fills
+    """True if lenses differ, do not fill their cells, or end at an extent."""
+    return record.differs or not record.opening.fills or record.lattice.extent is not None
 
 
 def _scale_powers(record: ArrayRecord, factor: float) -> ArrayRecord:

@@ -39,6 +39,17 @@ def checked_pitch(pitch: float | tuple[float, float], lattice: Lattice) -> float
     return length_in_mm(x, "pitch along x"), length_in_mm(y, "pitch along y")
 
 
+def checked_extent(extent: tuple[float, float], lattice: Lattice) -> tuple[float, float]:
+    """Width and height in mm, or an error."""
+    if lattice is Lattice.FREE:
+        raise InvalidValueError("extent is given for the lattice FREE, which lists its lenses; leave it out")
+    try:
+        x, y = extent
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"extent is {extent!r}; it must be two lengths in mm, along x and y") from None
+    return length_in_mm(x, "extent along x"), length_in_mm(y, "extent along y")
+
+
 def lattice_basis(lattice: Lattice, pitch: tuple[float, float]) -> Floats:
     """(2, 2) lattice vectors in mm as rows, for pitches along x and y (the same except for RECTANGULAR)."""
     if lattice is Lattice.HEXAGONAL:

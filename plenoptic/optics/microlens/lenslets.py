@@ -72,6 +72,7 @@ def types_of(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int6
 
 
 def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArray[np.int64]:
+    low, high = np.maximum(low, -array.half_extent), np.minimum(high, array.half_extent)
     if not np.isfinite([low, high]).all():
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(array.basis)

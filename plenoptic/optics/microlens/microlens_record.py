@@ -88,6 +88,8 @@ class LatticeRecord(NamedTuple):
     """1 / focal length of each type in 1/mm, or with a lens table, the least and the greatest."""
     pattern: NDArray[np.int64] | None
     """(p, q) types on the lattice; None if there is one type."""
+    extent: Floats | None = None
+    """(3, 2) lattice vectors in the array's own axes, and largest |x| and |y| of centres there; None if unlimited."""
 
 
 class OpeningRecord(NamedTuple):
@@ -231,6 +233,7 @@ def array_record(
             inverse=np.asarray(np.linalg.inv(basis), dtype=np.float64),
             powers=np.append(powers, 0.0) if clear else powers,
             pattern=np.ascontiguousarray(array.type_pattern) if several and lens_table is None else None,
+            extent=None if array.extent is None else np.vstack([array.basis, array.half_extent]),
         ),
         cell,
         OpeningRecord(
@@ -327,10 +330,11 @@ def outlines(array: MicrolensArray, points: Floats, shifts: Floats, *, turn: Flo
 def lens_table_record(array: MicrolensArray, *, turn: Floats, origin: Floats, reach: float, margin: float) -> LensTable:
     """Lens table of the lenses up to `reach` from the origin of the axes; dark ones have no corners."""
     radius = reach + float(np.hypot(*origin)) + array.cell_radius
-    if array.lattice is not Lattice.FREE and (2 * radius) ** 2 / array.cell_area > MAX_LISTED:
+    n_lenses = 4.0 * float(np.minimum(radius, array.half_extent).prod()) / array.cell_area
+    if array.lattice is not Lattice.FREE and n_lenses > MAX_LISTED:
         raise InvalidValueError(
-            f"some {(2 * radius) ** 2 / array.cell_area:.3g} microlenses have imperfections, and the limit is "
-            f"{MAX_LISTED}; list deviations of single lenses, or increase the pitch"
+            f"some {n_lenses:.3g} microlenses have imperfections, and the limit is {MAX_LISTED}; list deviations of "
+            "single lenses, or increase the pitch"
         )
     lenslets = array.lenses((-radius, -radius), (radius, radius))
     points = np.ascontiguousarray(lenslets.design @ turn.T + origin)

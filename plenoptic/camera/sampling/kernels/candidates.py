@@ -13,6 +13,7 @@ import numpy as np
 
 from plenoptic.core.kernels.polygons import cut
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.optics.microlens.kernels.cell_lookup import in_extent
 from plenoptic.optics.microlens.kernels.lens_table import bins_around
 
 _MOST_CORNERS = 64
@@ -150,6 +151,7 @@ def fill_cells(candidates, corners, counts, pixels, pixel_margin, sensor, array,
     tilt = sensor.tilt
     frame = pupil.plane.frame
     pattern = array.lattice.pattern
+    array_extent = array.lattice.extent
     listed = array.lens_table
     walls = array.walls
     origin, basis, inverse = array.lattice.origin, array.lattice.basis, array.lattice.inverse
@@ -210,6 +212,9 @@ def fill_cells(candidates, corners, counts, pixels, pixel_margin, sensor, array,
                     low_k, high_k = listed.bins.first[b], listed.bins.first[b + 1]
                 for k in range(low_k, high_k):
                     power, row = powers[0], 0
+                    if array_extent is not None:  # noqa: SIM102 - nested for compile-time pruning
+                        if listed is None and not in_extent(i, j, array_extent):
+                            continue
                     if listed is None:
                         cx = origin[0] + i * basis[0, 0] + j * basis[1, 0]
                         cy = origin[1] + i * basis[0, 1] + j * basis[1, 1]

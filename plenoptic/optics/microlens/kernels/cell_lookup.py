@@ -42,6 +42,13 @@ def nearest_cell(x, y, basis, inverse):
 
 
 @device
+def in_extent(i, j, extent):
+    """True if the lens (i, j) belongs to the array; `extent` is that of a `LatticeRecord`."""
+    x, y = i * extent[0, 0] + j * extent[1, 0], i * extent[0, 1] + j * extent[1, 1]
+    return abs(x) <= extent[2, 0] and abs(y) <= extent[2, 1]
+
+
+@device
 def _nearest_in_table(x, y, reach, lens_table):
     """Row of the lens in the table with the nearest design centre within about `reach`; NO_LENS if there is none."""
     lenses, bins = lens_table.lenses, lens_table.bins
@@ -83,6 +90,9 @@ def find_lens(x, y, array):
         if row >= 0:
             lens = array.lens_table.lenses[row]
             cx, cy, power = lens.axis_x, lens.axis_y, lens.power
+    if lattice.extent is not None:  # noqa: SIM102 - nested for compile-time pruning
+        if not in_extent(i, j, lattice.extent):
+            row = NO_LENS
     return i, j, row, cx, cy, power
 
 
