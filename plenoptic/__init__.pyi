@@ -28,6 +28,8 @@ from . import wave as wave
 from .camera.camera import CameraPart as CameraPart
 from .camera.camera import PlenopticCamera as PlenopticCamera
 from .camera.design.design import design_camera as design_camera
+from .camera.design.published import camera_names as camera_names
+from .camera.design.published import load_camera as load_camera
 from .camera.diffraction import Diffraction as Diffraction
 from .camera.gaussian import CameraKind as CameraKind
 from .camera.points.centres import CentreMethod as CentreMethod

@@ -9,6 +9,10 @@ from .design.design import DesignStep as DesignStep
 from .design.design import design_camera as design_camera
 from .design.equations import ImageFill as ImageFill
 from .design.example import example_camera as example_camera
+from .design.published import PublishedCamera as PublishedCamera
+from .design.published import camera_names as camera_names
+from .design.published import load_camera as load_camera
+from .design.published import published_camera as published_camera
 from .diffraction import Diffraction as Diffraction
 from .gaussian import CameraKind as CameraKind
 from .points.centres import CentreMethod as CentreMethod

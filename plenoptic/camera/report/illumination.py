@@ -69,7 +69,12 @@ def images_on_sensor(camera: PlenopticCamera, vergence: float) -> int:
     half_x, half_y = (0.5 * size / stretch * (1 + 1e-9) for size in (width, height))
     if array.centres is not None:
         return int((np.abs(array.centres) <= (half_x, half_y)).all(axis=1).sum())
-    half_x, half_y = np.minimum((half_x, half_y), array.half_extent).tolist()
+    if array.extent is not None:
+        # An array may be turned on its sensor, and its extent with it.
+        reach, place = math.hypot(half_x, half_y), camera.microlenses_placement
+        turn = np.eye(2) if place is None else place.rotation[:2, :2]
+        centres = array.lenses((-reach, -reach), (reach, reach)).design @ turn.T
+        return int((np.abs(centres) <= (half_x, half_y)).all(axis=1).sum())
     # Columns run along y in all lattices: basis[1, 0] is 0.
     (along, rise), (_, step) = array.basis.tolist()
     last = math.floor(half_x / along)
