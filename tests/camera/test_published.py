@@ -92,6 +92,8 @@ def test_every_camera_makes_an_image_and_names_its_source():
 def test_an_unknown_camera_is_refused():
     with refused("'lytro'.*lytro-f01-like"):
         pl.load_camera("lytro")
+    with refused("no camera"):
+        pl.load_camera(["lytro"])
 
 
 def rows_of_page():

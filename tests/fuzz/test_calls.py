@@ -73,6 +73,8 @@ def test_what_took_minutes_or_raised_what_it_should_not():
         (lambda: pl.lightfield.decode(shot(), shot(), views=123456789), "views is 123456789; it must be at most 4095"),
         (lambda: pl.lightfield.decode(shot(), shot(), views=541), "views is 541, and at this step .* span four micro"),
         (lambda: pl.Surface(float("inf"), semi_diameter=9.0, aspheric=[1e3]), "gives slopes of 1.8e.04 .* at most 100"),
+        (lambda: pl.project(camera(), (0, 0, -400), rays=1 << 31), "rays is 2147483648; it must be at most 16777216"),
+        (lambda: pl.project(camera(), [[2**64, 0.0, 2**63]]), "points"),
         *((lambda s=side: white(fine, 1e6, tile_side=s), "microlenses, and the limit is 100000") for side in (None, 3)),
     ):
         with pytest.raises(pl.PlenopticError, match=message):

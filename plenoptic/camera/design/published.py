@@ -109,7 +109,7 @@ def published_camera(name: str) -> PublishedCamera:
     'stop of 10 mm'
     """
     cameras = _cameras()
-    if name not in cameras:
+    if not isinstance(name, str) or name not in cameras:
         close = difflib.get_close_matches(str(name), cameras, n=3, cutoff=0.3) or sorted(cameras)
         raise InvalidValueError(
             f"there is no camera {name!r:.40}; pl.camera_names() lists them, among them {', '.join(close)}"

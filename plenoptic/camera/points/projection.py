@@ -15,7 +15,7 @@ from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_l
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import Floats, check_has, check_kind, result, whole
+from plenoptic.core.values import MAX_POINTS, Floats, check_has, check_kind, result, whole
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -111,7 +111,8 @@ def project(
         Scene with occluders; None: no occlusion. Surfaces closer to a point than 1/4096 of its distance to the lens,
         such as the point's own surface, do not occlude it.
     rays : int, optional
-        Rays per point for `light` and `centroid`, rounded up to a multiple of 32. `position` does not depend on them.
+        Rays per point for `light` and `centroid`, at most 2^24, rounded up to a multiple of 32. `position` does not
+        depend on them.
     threads, progress : optional
         As for `render`. The result does not depend on them.
 
@@ -153,7 +154,7 @@ def project(
     """
     check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
     world, _ = world_points(points)
-    rays_per_replicate = -(-whole(rays, "rays", at_least=1) // REPLICATES)
+    rays_per_replicate = -(-whole(rays, "rays", at_least=1, at_most=MAX_POINTS) // REPLICATES)
     workers = thread_count(threads)
     with CallProgress("projecting", kind="camera", show=progress):
         record = forward_record(camera)
