@@ -144,7 +144,7 @@ class MicroImageGrid:
     @property
     def is_along_rows(self) -> bool:
         """True if neighbours stand nearer to the rows of the sensor than to the columns, as in SQUARE lattices."""
-        return abs(self._turn(0.0)) <= abs(self._turn(90.0))
+        return self.lattice is not Lattice.HEXAGONAL or abs(self._turn(0.0)) <= abs(self._turn(90.0))
 
     @property
     def rotation(self) -> float:
@@ -154,10 +154,10 @@ class MicroImageGrid:
     def _turn(self, direction: float) -> float:
         """Least angle in degrees from a direction to one of neighbours, by the closest lattice of equal angles."""
         symmetry = 6 if self.lattice is Lattice.HEXAGONAL else 4 if self.lattice is Lattice.SQUARE else 2
-        ideal = lattice_basis(self.lattice, self.pitches)
-        steps = self.basis @ (1.0, 1j)
-        # The second vector of `lattice_basis` is along y.
-        ideal_steps = ideal @ (1.0, 1j) / 1j
+        steps, ideal_steps = self.basis @ (1.0, 1j), lattice_basis(self.lattice, self.pitches) @ (1.0, 1j)
+        if self.lattice is Lattice.HEXAGONAL:
+            # `lattice_basis` has neighbours along y.
+            ideal_steps /= 1j
         if self.basis[0, 0] * self.basis[1, 1] < self.basis[0, 1] * self.basis[1, 0]:
             ideal_steps = ideal_steps.conj()
         angle = math.degrees(np.angle(np.vdot(ideal_steps, steps))) - direction
@@ -179,7 +179,11 @@ class MicroImageGrid:
         corners = lower[..., None, :] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
         distance = np.linalg.norm((steps[..., None, :] - corners) @ self.basis, axis=-1)
         nearest = distance.argmin(axis=-1)[..., None, None]
-        return np.asarray(np.take_along_axis(corners, nearest, axis=-2)[..., 0, :].astype(np.int64))
+        return np.asarray(np.take_along_axis(corners, nearest, axis=-2)[..., 0, :], dtype=np.int64)
+
+    def normalised(self, position: Floats) -> Floats:
+        """Positions (..., 2) in pixels, from -1 to 1 across the columns and across the rows."""
+        return np.asarray((2.0 * position - (self.shape[1] - 1, self.shape[0] - 1)) / self.shape[::-1])
 
     def types_of(self, index: ArrayLike) -> NDArray[np.int64]:
         """Types (...) of micro images (k, l)."""
@@ -200,9 +204,8 @@ class MicroImageGrid:
     def _deviation_at(self, p: Floats) -> Floats | float:
         if self.deviation is None:
             return 0.0
-        x, y = ((2.0 * p - (self.shape[1] - 1, self.shape[0] - 1)) / self.shape[::-1]).T
         # Beyond the sensor it goes on as at the edge.
-        x, y = np.clip(x, -1.1, 1.1), np.clip(y, -1.1, 1.1)
+        x, y = np.clip(self.normalised(p), -1.1, 1.1).T
         return np.asarray(np.moveaxis(chebyshev.chebval2d(x.T, y.T, self.deviation), 0, -1))
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes
+from plenoptic.camera.points.window_moments import window_moments
 from plenoptic.core.values import Floats, check_has
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -15,9 +16,6 @@ from plenoptic.optics.microlens.lattice import Lattice
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
-
-_PIXELS = 1 << 16
-"""Pixels that are summed together, within the processor's cache."""
 
 
 def white_centroids(
@@ -31,24 +29,15 @@ def white_centroids(
     sensor = axes.camera.sensor
     image, first = _white_plane(sensor.shape, white)
     reach = int(np.ceil(spacing * array.cell_radius / sensor.pixel_pitch))
-    pixel = sensor.pixel_of(centres)
-    is_finite = np.asarray(np.isfinite(pixel).all(axis=1))
-    centre_pixel = np.rint(np.where(is_finite[:, None], pixel, -1e6)).astype(np.int64) - first
-    is_complete = (centre_pixel >= reach).all(axis=1) & (centre_pixel + reach < np.array(image.shape)).all(axis=1)
-    steps = np.arange(-reach, reach + 1)
-    rows, columns = (g.ravel() for g in np.meshgrid(steps, steps, indexing="ij"))
-    centroids, chosen = np.full(centres.shape, np.nan), np.flatnonzero(is_finite & is_complete)
     turn = axes.parts.sensor_to_local.turn[:2, :2].T @ axes.parts.array_turn
-    chunk_size = max(1, _PIXELS // rows.size)
-    for k in range(0, len(chosen), chunk_size):
-        chunk = chosen[k : k + chunk_size]
-        row, column = centre_pixel[chunk, :1] + rows, centre_pixel[chunk, 1:] + columns
-        position = sensor.centre_of(row + first[0], column + first[1])
-        offset = (position - centres[chunk, None]) @ turn / spacing
-        light = image[row, column] * _in_cell(array, design[chunk], offset)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            centroids[chunk] = np.einsum("ij,ijk->ik", light, position) / light.sum(axis=1)[:, None]
-    return centroids
+
+    def in_cell(part: slice, offset: Floats) -> Floats:
+        # Columns run towards -x, see `Sensor.centre_of`.
+        from_centre = sensor.pixel_pitch * offset[..., ::-1] * (-1.0, 1.0)
+        return _in_cell(array, design[part], from_centre @ turn / spacing).astype(np.float64)
+
+    centroid = first + window_moments(image, sensor.pixel_of(centres) - first, reach, in_cell).centroid
+    return sensor.centre_of(centroid[:, 0], centroid[:, 1])
 
 
 def _in_cell(array: MicrolensArray, design: Floats, offset: Floats) -> NDArray[np.bool_]:

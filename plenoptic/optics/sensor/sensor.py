@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, broadcast, checked_shape, length_in_mm, numbers, positive, set_field, value
@@ -79,7 +79,7 @@ class Sensor:
         """Distance from the axis to a corner in mm."""
         return 0.5 * float(np.hypot(*self.size))
 
-    def centre_of(self, row: NDArray[np.integer] | int, column: NDArray[np.integer] | int) -> Floats:
+    def centre_of(self, row: ArrayLike, column: ArrayLike) -> Floats:
         """Centres (..., 2) of pixels in mm on the sensor, which is read out rotated by 180 degrees.
 
         x = -(column + 1/2 - W/2) pitch and y = (row + 1/2 - H/2) pitch.
