@@ -61,8 +61,8 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     Raises
     ------
     InvalidValueError
-        If the image shows no lattice, or a scene, is saturated or too dark, or its micro images overlap by more than
-        some twentieth.
+        If the image shows no lattice, or a scene, is saturated or too dark, or its micro images overlap by some
+        twentieth.
 
     Notes
     -----
@@ -74,6 +74,7 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     A centre is that of `microlens_centres(camera, CentreMethod.CENTROID)`: the centroid of the light, which is not that
     of the outline where vignetting or fall-off is uneven. Standard errors are those of the noise in the image; where
     micro images touch, neighbours of defects are left out, and errors contain a share of the scatter of the centres.
+    Where they overlap by a tenth and more, what they share may be taken for micro images, and is not always refused.
     Which microlens is (0, 0) is arbitrary: one near the centre of the image.
 
     Examples
@@ -82,7 +83,7 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     >>> camera = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(200, 240))
     >>> grid = pl.calibration.find_micro_images(pl.render_white(camera, samples=16, progress=False))
     >>> grid
-    MicroImageGrid(HEXAGONAL, pitch 22.038 pixels along columns, rotation 0.00 degrees, 82 centres, 200 x 240 pixels)
+    MicroImageGrid(HEXAGONAL, pitch 22.011 pixels along columns, rotation 0.00 degrees, 83 centres, 200 x 240 pixels)
     """
     plane = white_plane(white)
     lattice, basis = lattice_of(lattice_steps(plane.light))

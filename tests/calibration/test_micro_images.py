@@ -119,7 +119,7 @@ def test_what_is_no_white_image_is_refused():
         (scene, "scene"),
         (np.minimum(image, 2000), "saturated"),
         (rng.poisson(1.0, (200, 200)), "too dark"),
-        (drawn(basis, radius=11.5)[0], "overlap|no lattice"),
+        (drawn(basis, radius=10.4, full=0.3)[0], "overlap|no lattice"),
         (np.zeros((10, 300)), "shape"),
         (np.full((100, 100), np.nan), "finite"),
         (pl.Exposure(np.ones((64, 64, 1)), white=False), "shows a scene"),
