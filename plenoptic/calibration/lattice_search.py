@@ -107,14 +107,14 @@ def lattice_of(basis: Floats) -> tuple[Lattice, Floats]:
                 f"{NO_LATTICE}it repeats by steps of {lengths[0]:.4g} and {lengths[1]:.4g} pixels at {angle:.3g} "
                 "degrees; lattices are hexagonal, square or rectangular"
             )
-        return Lattice.HEXAGONAL, _ordered([a, b, third], hexagonal=True)
+        return Lattice.HEXAGONAL, _sort_steps([a, b, third], hexagonal=True)
     if abs(angle - 90.0) > _ANGLE:
         raise InvalidValueError(f"{NO_LATTICE}it repeats by steps at {angle:.3g} degrees, neither 60 nor 90")
     is_square = abs(lengths[1] - lengths[0]) < _EQUAL * lengths[0]
-    return (Lattice.SQUARE if is_square else Lattice.RECTANGULAR), _ordered([a, b], hexagonal=False)
+    return (Lattice.SQUARE if is_square else Lattice.RECTANGULAR), _sort_steps([a, b], hexagonal=False)
 
 
-def _ordered(steps: list[Floats], *, hexagonal: bool) -> Floats:
+def _sort_steps(steps: list[Floats], *, hexagonal: bool) -> Floats:
     both = np.array([sign * step for step in steps for sign in (1.0, -1.0)])
     k, l = both[both[:, 0].argmax()], both[both[:, 1].argmax()]
     if hexagonal:

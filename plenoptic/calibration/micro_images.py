@@ -237,7 +237,7 @@ def _fit(
 
     By least squares with Huber's weights. The deviation is free of constants and linear functions.
     """
-    x, y = grid.normalised(grid.origin + index @ grid.basis).T
+    x, y = grid.sensor_fractions(grid.origin + index @ grid.basis).T
     scale = np.maximum(np.abs(index).max(axis=0), 1)
     i, j = np.indices((degree + 1, degree + 1))
     is_free = (i + j > 1) & (i + j <= degree)

@@ -104,7 +104,7 @@ class MicroImageGrid:
         lengths = np.hypot(*self.basis.T)
         if not (np.isfinite(self.origin).all() and abs(np.linalg.det(self.basis)) > 0.1 * lengths.prod()):
             raise InvalidValueError(f"basis is {self.basis.tolist()}; give two steps (u, v) in different directions")
-        self._check_measured()
+        self._check_measurements()
         if self.deviation is not None:
             series = frozen_array(self.deviation, name="deviation", shape=(None, None, 2))
             set_field(self, "deviation", series)
@@ -116,7 +116,7 @@ class MicroImageGrid:
             if not max(slopes) < _LARGEST_SLOPE:
                 raise InvalidValueError("deviation changes by more than half a pixel per pixel; put it into the basis")
 
-    def _check_measured(self) -> None:
+    def _check_measurements(self) -> None:
         rows = None if self.index is None else len(plain_array(self.index, "index"))
         for name, columns, dtype in (
             ("index", (2,), np.int64),
@@ -181,7 +181,7 @@ class MicroImageGrid:
         nearest = distance.argmin(axis=-1)[..., None, None]
         return np.asarray(np.take_along_axis(corners, nearest, axis=-2)[..., 0, :], dtype=np.int64)
 
-    def normalised(self, position: Floats) -> Floats:
+    def sensor_fractions(self, position: Floats) -> Floats:
         """Positions (..., 2) in pixels, from -1 to 1 across the columns and across the rows."""
         return np.asarray((2.0 * position - (self.shape[1] - 1, self.shape[0] - 1)) / self.shape[::-1])
 
@@ -205,7 +205,7 @@ class MicroImageGrid:
         if self.deviation is None:
             return 0.0
         # Beyond the sensor it goes on as at the edge.
-        x, y = np.clip(self.normalised(p), -1.1, 1.1).T
+        x, y = np.clip(self.sensor_fractions(p), -1.1, 1.1).T
         return np.asarray(np.moveaxis(chebyshev.chebval2d(x.T, y.T, self.deviation), 0, -1))
 
     def __repr__(self) -> str:

@@ -99,7 +99,7 @@ def _scale_element(element: Element, factor: float) -> Element:
     placement = element.placement
     if placement is not None:
         placement = Placement(factor * placement.shift, placement.rotation)
-    scaled = element.scaled(factor) if isinstance(element, Surface) else element.image(factor)
+    scaled = element.rescale(factor) if isinstance(element, Surface) else element.image(factor)
     return dataclasses.replace(scaled, thickness=factor * element.thickness, placement=placement)
 
 

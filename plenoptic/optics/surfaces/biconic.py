@@ -70,7 +70,7 @@ class BiconicSag:
         """The term with the opposite sign."""
         return BiconicSag(-self.radius_x, -self.radius_y, self.conic_x, self.conic_y)
 
-    def scaled(self, factor: float) -> BiconicSag:
+    def rescale(self, factor: float) -> BiconicSag:
         """The term with all lengths times a factor."""
         return BiconicSag(factor * self.radius_x, factor * self.radius_y, self.conic_x, self.conic_y)
 

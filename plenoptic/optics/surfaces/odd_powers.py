@@ -56,7 +56,7 @@ class OddPowerSag:
         """The term with the opposite sign."""
         return OddPowerSag(tuple(-a for a in self.coefficients))
 
-    def scaled(self, factor: float) -> OddPowerSag:
+    def rescale(self, factor: float) -> OddPowerSag:
         """The term with all lengths times a factor."""
         return OddPowerSag(tuple(a / factor ** (2 * i + 2) for i, a in enumerate(self.coefficients)))
 

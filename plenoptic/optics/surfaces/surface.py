@@ -195,7 +195,7 @@ class Surface:
             placement=placement,
         )
 
-    def scaled(self, factor: float) -> Surface:
+    def rescale(self, factor: float) -> Surface:
         """The surface with all lengths times a factor above 0; the gap and the placement stay."""
         # The limits of the semi-diameter must not be missed by rounding.
         bare = Surface(factor * self.radius, semi_diameter=SMALLEST_LENGTH, conic=self.conic)
@@ -205,7 +205,7 @@ class Surface:
             semi_diameter=bare.equator if self.depth is not None else min(factor * self.semi_diameter, bare.equator),
             aspheric=tuple(a / factor ** (2 * i + 1) for i, a in enumerate(self.aspheric)),
             depth=None if self.depth is None else factor * self.depth,
-            freeform=None if self.freeform is None else self.freeform.scaled(factor),
+            freeform=None if self.freeform is None else self.freeform.rescale(factor),
         )
 
     def row(self) -> ElementRow:

@@ -107,7 +107,7 @@ class ZernikeSag:
         """The term with the opposite sign."""
         return ZernikeSag(tuple(-a for a in self.coefficients), self.norm_radius)
 
-    def scaled(self, factor: float) -> ZernikeSag:
+    def rescale(self, factor: float) -> ZernikeSag:
         """The term with all lengths times a factor."""
         return ZernikeSag(tuple(factor * a for a in self.coefficients), factor * self.norm_radius)
 
