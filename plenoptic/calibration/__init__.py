@@ -1,7 +1,9 @@
-"""Calibration of real cameras from their images: the lattice of the micro images of a white image."""
+"""Calibration of real cameras from their images: the lattice of the micro images, and cameras from boards."""
 
+from plenoptic.calibration.compote_files import read_compote
 from plenoptic.calibration.grid_files import read_grid
 from plenoptic.calibration.micro_images import find_micro_images
+from plenoptic.calibration.observations import Observations
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 
-__all__ = ["MicroImageGrid", "find_micro_images", "read_grid"]
+__all__ = ["MicroImageGrid", "Observations", "find_micro_images", "read_compote", "read_grid"]
