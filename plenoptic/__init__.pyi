@@ -25,6 +25,7 @@ from . import shapes as shapes
 from . import study as study
 from . import targets as targets
 from . import wave as wave
+from .calibration.calibrate import calibrate as calibrate
 from .camera.camera import CameraPart as CameraPart
 from .camera.camera import PlenopticCamera as PlenopticCamera
 from .camera.design.design import design_camera as design_camera

@@ -1,9 +1,24 @@
 """Calibration of real cameras from their images: the lattice of the micro images, and cameras from boards."""
 
+from plenoptic.calibration.calibration_result import Calibration, HeldOut
 from plenoptic.calibration.compote_files import read_compote
+from plenoptic.calibration.covariance import ErrorCluster
+from plenoptic.calibration.geometry import Parameter
 from plenoptic.calibration.grid_files import read_grid
 from plenoptic.calibration.micro_images import find_micro_images
+from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 
-__all__ = ["MicroImageGrid", "Observations", "find_micro_images", "read_compote", "read_grid"]
+__all__ = [
+    "Calibration",
+    "ErrorCluster",
+    "HeldOut",
+    "MicroImageGrid",
+    "NominalCamera",
+    "Observations",
+    "Parameter",
+    "find_micro_images",
+    "read_compote",
+    "read_grid",
+]

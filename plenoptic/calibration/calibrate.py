@@ -1,0 +1,267 @@
+"""Calibration of a plenoptic camera from corners of boards and centres of micro images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from plenoptic.calibration.calibration_result import Calibration, HeldOut
+from plenoptic.calibration.checks import (
+    check_determined,
+    check_focal_length,
+    check_observations,
+    check_poses,
+    check_residuals,
+)
+from plenoptic.calibration.covariance import clustered_covariance, information, inverse, pupil_sensitivity
+from plenoptic.calibration.geometry import COUNT, Parameter, rotated
+from plenoptic.calibration.halves import Half, fit_halves
+from plenoptic.calibration.nominal import NominalCamera
+from plenoptic.calibration.observations import Observations
+from plenoptic.calibration.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
+from plenoptic.calibration.start_values import start_state
+from plenoptic.calibration.twin import Layout, object_origin, twin_camera
+from plenoptic.core.values import Floats, check_kind, choice, finite, number
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.lattice import lattice_basis
+
+P = Parameter
+_BOARD_SIGMA = 0.3
+"""Standard deviation in mm of a coordinate of a board's points from their design: printed boards on plates bend so."""
+_PUPIL_SIGMA = 0.14
+"""Standard deviation of the exit pupil's distance from the rear principal plane, over the focal length: root mean
+square of the 15 lenses in the library with less than 0.5, which leaves out telephoto and retrofocus lenses."""
+_FIXED = (P.STRETCH, P.EXIT_PUPIL, P.DISTORTION)
+_MIN_HELD_OUT = 6
+"""Least number of frames for cross-validation by halves."""
+_SIGNIFICANT = 2.0
+
+
+class _Fit(NamedTuple):
+    problem: Problem
+    state: State
+    at: Evaluation
+    halves: tuple[Half, Half] | None
+
+
+def calibrate(
+    observations: Observations,
+    *,
+    start: NominalCamera,
+    board: float = _BOARD_SIGMA,
+    priors: Mapping[Parameter, tuple[float, float]] | None = None,
+) -> Calibration:
+    """Calibrate a camera from corners of boards and centres of micro images, fitted together.
+
+    Parameters
+    ----------
+    observations : Observations
+        At least 3 frames, better 10 and more, with boards tilted in different directions.
+    start : NominalCamera
+        Focal length and f-number as printed on the lens.
+    board : float, optional
+        Standard deviation in mm of a coordinate of the board's points from their design. They are fitted if
+        frames that are left out ask for it. 0: the board is as designed.
+    priors : mapping of Parameter to (float, float), optional
+        Mean and standard deviation of parameters. That of EXIT_PUPIL is (0, 0.14 f) unless it is given.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InvalidValueError
+        If no camera follows from the observations: too few boards, all parallel, a wrong square of the board,
+        mirrored images, the white image of another camera. The message says which.
+
+    Notes
+    -----
+    The main lens is thin; the array may be shifted, turned and tilted, and the principal point lies anywhere. The
+    chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro image is the
+    image of the exit pupil's centre. Levenberg-Marquardt steps of camera, poses and board minimise the pseudo-Huber
+    loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond that (points
+    of the board, an array stretched along one side, radial distortion) are accepted if frames that were
+    left out are then predicted better by two standard errors. The twin cannot distort: with distortion asked for,
+    `held_out` says so, and the twin is the best camera without it.
+
+    Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these are
+    correlated (`ErrorCluster`). Corners and centres hardly tell the exit pupil from the principal plane; its prior
+    widens the intervals.
+
+    Examples
+    --------
+    A simulated camera takes the place of a real one.
+
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+    >>> camera = pl.PlenopticCamera(lens=lens.with_model(pl.LensModel.THIN), microlenses=pl.MicrolensArray(0.4, (2.0,)),
+    ...     sensor=pl.Sensor(shape=(350, 400), pixel_pitch=0.02), stop_to_microlenses=156.0, microlenses_to_sensor=3.0)
+    >>> design = pl.targets.checkerboard(6, 5, square=3.0)
+    >>> axes = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)
+    >>> boards = [design.rotated_deg(axis, 25).translated(z=-380) for axis in axes]
+    >>> corners, centres = pl.package.calibration_points(camera, boards), pl.microlens_centres(camera)
+    >>> observations = pl.calibration.Observations(corners.index, corners.pixel, corners.frame, corners.point,
+    ...     design.points, centres.index, centres.pixel, camera.sensor)
+    >>> calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 8.0), board=0.0)
+    >>> f"{calibration[pl.calibration.Parameter.FOCAL_LENGTH]:.3f} mm, {calibration.camera.microlenses.pitch:.6f} mm"
+    '100.716 mm, 0.400000 mm'
+    >>> [twin.lens.model.name for twin in calibration.sample(2, seed=1)]  # with exit pupils of other lenses
+    ['PARAXIAL', 'PARAXIAL']
+    """
+    check_kind(observations, "observations", Observations, "pl.calibration.read_compote(...)")
+    check_kind(start, "start", NominalCamera, "pl.calibration.NominalCamera(focal_length=50.0, f_number=4.0)")
+    sigma = number(board, "board")
+    if not 0 <= sigma < np.inf:
+        raise InvalidValueError(f"board is {board!r}; it must be a standard deviation in mm, or 0")
+    prior = _priors(priors, start.focal_length)
+    basis = lattice_basis(observations.lattice, (1.0, 1.0))
+    free = ~np.isin(np.arange(COUNT), _FIXED)
+    problem = problem_of(observations, basis, free)
+    check_observations(observations, problem)
+    state = start_state(problem, start.focal_length)
+    state.parameters[P.EXIT_PUPIL] = prior[P.EXIT_PUPIL, 0]
+    problem = problem._replace(prior=prior)
+    problem, state, _ = fit(problem, state)
+    check_poses(state.poses)
+    check_residuals(problem)
+    best = _fitted(problem, state)
+    tests: list[HeldOut] = []
+    if sigma > 0:
+        best, tests = _extended("free board", best, best.problem._replace(board_sigma=sigma), tests)
+    best, tests = _extended("stretch of the array", best, _with(best.problem, P.STRETCH), tests)
+    check_focal_length(best.state, start.focal_length)
+    _, tests = _extended("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
+    return _result(observations, start, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
+
+
+def _priors(priors: Mapping[Parameter, tuple[float, float]] | None, focal_length: float) -> Floats:
+    """Mean and precision (COUNT, 2) of the parameters."""
+    table = np.zeros((COUNT, 2))
+    table[P.EXIT_PUPIL] = 0.0, (_PUPIL_SIGMA * focal_length) ** -2
+    for parameter, pair in (priors or {}).items():
+        k = choice(parameter, Parameter, "a key of priors")
+        try:
+            mean, sigma = (finite(each, f"the prior of {k.name}") for each in pair)
+        except TypeError:
+            mean, sigma = 0.0, 0.0
+        if not sigma > 0:
+            raise InvalidValueError(f"the prior of {k.name} is {pair!r}; give (mean, standard deviation above 0)")
+        table[k] = mean, sigma**-2
+    return table
+
+
+def _with(problem: Problem, parameter: Parameter) -> Problem:
+    return problem._replace(free=problem.free | (np.arange(COUNT) == parameter))
+
+
+def _fitted(problem: Problem, state: State) -> _Fit:
+    fitted = fit(problem, state)
+    enough = problem.frames >= _MIN_HELD_OUT
+    return _Fit(*fitted, fit_halves(*fitted[:2]) if enough else None)
+
+
+def _extended(name: str, best: _Fit, larger: Problem, tests: list[HeldOut]) -> tuple[_Fit, list[HeldOut]]:
+    """The fit of a larger problem if frames that are left out ask for it, and the tests with this one.
+
+    Without enough frames to leave out, points of the board are fitted, whose prior holds them, and nothing else.
+    """
+    if best.halves is None:
+        return (_fitted(larger, best.state) if larger.board_sigma > best.problem.board_sigma else best), tests
+    trial = _fitted(larger, best.state)
+    assert trial.halves is not None
+    # Logarithms, so that no frame outweighs the others.
+    gain = np.concatenate([np.log(a.held_out / b.held_out) for a, b in zip(best.halves, trial.halves, strict=True)])
+    significance = float(gain.mean() / (gain.std(ddof=1) / np.sqrt(len(gain))))
+    accepted = significance > _SIGNIFICANT
+    test = HeldOut(name, _rms(best.halves), _rms(trial.halves), significance, accepted)
+    return trial if accepted else best, [*tests, test]
+
+
+def _rms(halves: tuple[Half, Half]) -> tuple[float, float]:
+    """Root mean square of a coordinate of the corners left out of either half, in pixels."""
+    first, second = (float(np.sqrt(np.average(each.held_out, weights=each.corners))) for each in halves)
+    return first, second
+
+
+def _result(
+    observations: Observations, start: NominalCamera, best: _Fit, tests: tuple[HeldOut, ...], pupil_precision: float
+) -> Calibration:
+    problem, state, at = best.problem, best.state, best.at
+    spread, n_free = clustered_covariance(problem, at), problem.n_free
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(problem.free, problem.free)] = spread.covariance[:n_free, :n_free]
+    change = np.zeros(COUNT)
+    if not problem.free[P.EXIT_PUPIL]:
+        change[problem.free] = pupil_sensitivity(problem, state, at)[:n_free]
+        change[P.EXIT_PUPIL] = 1.0
+        change /= np.sqrt(pupil_precision)
+    check_determined(state.parameters, np.sqrt(np.diag(covariance)))
+    errors = np.zeros(problem.board.shape)
+    if problem.board_sigma > 0:
+        errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)
+    layout = _layout(observations, start, problem, state)
+    camera = twin_camera(state.parameters, layout)
+    shift = state.poses.shift - state.poses.turn @ observations.board.mean(axis=0)
+    return Calibration(
+        camera=camera,
+        values=state.parameters,
+        covariance=covariance,
+        model_change=change,
+        error_cluster=spread.cluster,
+        board=observations.board + state.offset,
+        board_error=errors,
+        turn=state.poses.turn,
+        shift=np.add(shift, (0.0, 0.0, object_origin(camera))),
+        corner_residual=at.corners * problem.sigma[0],
+        centre_residual=at.centres * problem.sigma[1],
+        held_out=tests,
+        layout=layout,
+        aided=_aided(problem, at, covariance),
+    )
+
+
+def _layout(observations: Observations, start: NominalCamera, problem: Problem, state: State) -> Layout:
+    """Parts of the camera that are not fitted; microlenses focus on the median image of the corners."""
+    f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
+    arms = rotated(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
+    depth = -(arms + state.poses.shift[problem.frame])[:, 2]
+    vergence = float(np.median(1.0 / (array - f * depth / (depth - f))))
+    index = observations.centre_index
+    first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
+    return Layout(
+        observations.sensor,
+        observations.lattice,
+        start.f_number,
+        (1.0 / (1.0 / float(gap) + vergence),),
+        pivot,
+        first,
+        last,
+    )
+
+
+def _aided(problem: Problem, at: Evaluation, covariance: Floats) -> tuple[tuple[str, float, float, float], ...]:
+    """Standard errors of focal length and distances with more known, by the information of the observations."""
+    matrix, n_free = information(problem, at), problem.n_free
+    poses = np.arange(n_free, n_free + 6 * problem.frames)
+    board = np.arange(n_free + 6 * problem.frames, problem.unknowns)
+    f = np.array([int(problem.free[: P.FOCAL_LENGTH].sum())])
+    known = {
+        "these observations": np.zeros(0, np.int64), "board measured": board,
+        "board on a stage, poses known": poses, "focal length known": f,
+    }  # fmt: skip
+    wanted = [P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]
+    # Errors of these observations are those of the clustered residuals; others are in proportion.
+    stated, rows = np.sqrt(np.diag(covariance))[wanted], []
+    base = None
+    for name, fixed in known.items():
+        rest = np.setdiff1d(np.arange(problem.unknowns), fixed)
+        variance = np.zeros(problem.unknowns)
+        variance[rest] = np.diag(inverse(matrix[np.ix_(rest, rest)]))
+        full = np.zeros(COUNT)
+        full[problem.free] = np.sqrt(np.maximum(variance[:n_free], 0.0))
+        base = full[wanted] if base is None else base
+        rows.append((name, *(stated * full[wanted] / base).tolist()))
+    return tuple(rows)

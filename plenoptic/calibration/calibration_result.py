@@ -1,0 +1,200 @@
+"""Result of a calibration: the camera, and what is known of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from plenoptic.calibration.covariance import ErrorCluster
+from plenoptic.calibration.geometry import COUNT, Parameter
+from plenoptic.calibration.twin import Layout, twin_camera
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.values import Floats, choice, number, result, seed_number, whole
+from plenoptic.errors import InvalidValueError
+
+P = Parameter
+_UNITS = {P.TURN: "rad", P.TILT_X: "rad", P.TILT_Y: "rad", P.AXIS_ROW: "px", P.AXIS_COLUMN: "px", P.STRETCH: ""}
+_VALLEY = 0.95
+"""Correlation of parameters above which they are named together."""
+
+
+@result
+class HeldOut:
+    """Comparison of two models by frames that were not used to fit them.
+
+    Parameters
+    ----------
+    name : str
+        Term that the larger model has.
+    without, with_term : (float, float)
+        Root mean square of a coordinate of the corners in pixels, of the odd frames with the camera and board of the
+        even ones, and of the even frames with those of the odd ones.
+    significance : float
+        Mean decrease of the logarithm of the mean square over the frames, in its standard errors.
+    accepted : bool
+        True if the term is part of the calibration.
+
+    Examples
+    --------
+    See `Calibration`, which holds them.
+    """
+
+    name: str
+    without: tuple[float, float]
+    with_term: tuple[float, float]
+    significance: float
+    accepted: bool
+
+    def __repr__(self) -> str:
+        pairs = ", ".join(f"{a:.3f} -> {b:.3f}" for a, b in zip(self.without, self.with_term, strict=True))
+        verdict = "accepted" if self.accepted else "left out"
+        return f"{self.name} {verdict}: corners of frames left out {pairs} px ({self.significance:.1f} standard errors)"
+
+
+@result
+class Calibration:
+    """A calibrated camera, its errors, and the board. See `calibrate`, which makes it.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+        The twin: it renders, and `camera.project` gives what the fit gives. Its microlens (i, j) is that of the
+        observations.
+    values : (14,) array
+        Values of `Parameter`, in mm, rad and pixels.
+    covariance : (14, 14) array
+        Their covariance by the residuals; 0 for parameters that are not fitted.
+    model_change : (14,) array
+        Change of the values for a change of the exit pupil's position by its standard deviation, of which the
+        observations do not tell.
+    error_cluster : ErrorCluster
+        Part of the observations within which residuals are correlated; the larger it is, the larger are the errors.
+    board : (p, 3) array
+        Points of the board in its own axes, as fitted, in mm.
+    board_error : (p, 3) array
+        Standard errors, with the camera free; 0 for a board as designed.
+    turn, shift : (f, 3, 3) and (f, 3) array
+        Rotation and shift in mm of the board of each frame to the camera's frame; see `points`.
+    corner_residual, centre_residual : (n, 2) and (m, 2) array
+        Projection minus observation, rows and columns, in pixels.
+    held_out : tuple of HeldOut
+        Which terms the observations ask for, by cross-validation over the frames.
+    """
+
+    camera: PlenopticCamera
+    values: Floats
+    covariance: Floats
+    model_change: Floats
+    error_cluster: ErrorCluster
+    board: Floats
+    board_error: Floats
+    turn: Floats
+    shift: Floats
+    corner_residual: Floats
+    centre_residual: Floats
+    held_out: tuple[HeldOut, ...]
+    layout: Layout = dataclasses.field(repr=False)
+    aided: tuple[tuple[str, float, float, float], ...] = dataclasses.field(repr=False)
+    """Standard errors of focal length and distances if something more were known."""
+
+    def __getitem__(self, parameter: Parameter) -> float:
+        """Value of a parameter."""
+        return float(self.values[choice(parameter, Parameter, "parameter")])
+
+    def standard_error(self, parameter: Parameter) -> float:
+        """Standard error of a parameter by the residuals; 0 if it is not fitted."""
+        k = choice(parameter, Parameter, "parameter")
+        return math.sqrt(float(self.covariance[k, k]))
+
+    def interval(self, parameter: Parameter, level: float = 0.95) -> tuple[float, float]:
+        """Interval that holds a parameter with a probability, for thin and for thick lenses.
+
+        It spans the intervals with the exit pupil in the rear principal plane and at its prior distances from there.
+        """
+        from statistics import NormalDist
+
+        share = number(level, "level")
+        if not 0 < share < 1:
+            raise InvalidValueError(f"level is {level!r}; it must be between 0 and 1, such as 0.95")
+        k = choice(parameter, Parameter, "parameter")
+        half = NormalDist().inv_cdf(0.5 + 0.5 * share) * math.hypot(self.standard_error(k), float(self.model_change[k]))
+        return self[k] - half, self[k] + half
+
+    def points(self, frame: int) -> Floats:
+        """Points (p, 3) of the fitted board in the camera's frame, in mm: in the f-th frame in ascending order."""
+        k = whole(frame, "frame", at_least=0, at_most=len(self.turn) - 1)
+        return np.asarray(self.board @ self.turn[k].T + self.shift[k])
+
+    @property
+    def corner_rms(self) -> float:
+        """Root mean square of a coordinate of the corners' residuals in pixels."""
+        return float(np.sqrt(np.mean(self.corner_residual**2)))
+
+    @property
+    def centre_rms(self) -> float:
+        """Root mean square of a coordinate of the centres' residuals in pixels."""
+        return float(np.sqrt(np.mean(self.centre_residual**2)))
+
+    @property
+    def valleys(self) -> tuple[str, ...]:
+        """Groups of parameters whose sum or difference alone is determined well, in words."""
+        correlation, _ = _scaled(self.covariance)
+        joined = np.linalg.matrix_power((np.abs(correlation) > _VALLEY).astype(np.int64), COUNT) > 0
+        sentences = []
+        for first in range(COUNT):
+            group = np.flatnonzero(joined[first])
+            if len(group) > 1 and group[0] == first:
+                least = np.abs(correlation[first, group[1:]]).max()
+                names = " and ".join(P(k).name for k in group.tolist())
+                sentences.append(f"{names} move together: correlation {least:.4f}")
+        return tuple(sentences)
+
+    @property
+    def advice(self) -> str:
+        """Table of the errors of focal length and distances if more were known: the board, its poses, or f."""
+        lines = [f"{'':<34}{'f, mm':>10}{'lens-array':>12}{'array-sensor':>14}"]
+        lines += [f"{name:<34}{f:>10.2g}{far:>12.2g}{near:>14.2g}" for name, f, far, near in self.aided]
+        return "\n".join(lines)
+
+    def sample(self, n: int, seed: int = 0) -> tuple[PlenopticCamera, ...]:
+        """Cameras drawn from the errors of the calibration, also those of the exit pupil.
+
+        Parameters
+        ----------
+        n : int
+            Number of cameras.
+        seed : int, optional
+
+        Examples
+        --------
+        See `calibrate`.
+        """
+        rng, count = np.random.default_rng(seed_number(seed)), whole(n, "n", at_least=1)
+        ratio, scale = _scaled(self.covariance)
+        eigenvalues, axes = np.linalg.eigh(ratio)
+        normal = rng.standard_normal((count, COUNT + 1))
+        draws = normal[:, :COUNT] * np.sqrt(np.maximum(eigenvalues, 0.0)) @ axes.T * scale
+        draws += normal[:, COUNT:] * self.model_change
+        return tuple(twin_camera(self.values + draw, self.layout) for draw in draws)
+
+    def __repr__(self) -> str:
+        lines = [f"corners {self.corner_rms:.3f} px, centres {self.centre_rms:.3f} px, {len(self.turn)} frames"]
+        for p in P:
+            if self.standard_error(p) > 0:
+                low, high = self.interval(p)
+                name = f"{p.name.lower()}{', ' if _UNITS.get(p, 'mm') else ''}{_UNITS.get(p, 'mm')}"
+                lines.append(
+                    f"{name:<22}{self[p]:>12.6g} +- {self.standard_error(p):<9.2g}95 %: {low:.6g} to {high:.6g}"
+                )
+        lines += [repr(each) for each in self.held_out]
+        lines += self.valleys
+        return "\n".join(lines)
+
+
+def _scaled(matrix: Floats) -> tuple[Floats, Floats]:
+    """Symmetric matrix with a diagonal of 1, where it is not 0, and the square roots of the diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    return matrix * inverse[:, None] * inverse, scale

@@ -1,0 +1,122 @@
+"""Observations from which no camera can be calibrated, each refused with a sentence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.calibration.geometry import Parameter, Poses
+from plenoptic.calibration.observations import Observations
+from plenoptic.calibration.solve import Problem, State
+from plenoptic.calibration.start_values import MIN_LENSES, image_lattice
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+
+_MIN_FRAMES, _MIN_CENTRES = 3, 20
+_MIN_POINTS = 4
+"""Least number of points of a board in each frame."""
+_LATTICE_RESIDUAL = 0.05
+"""Largest root mean square deviation of centres from a lattice, in pitches."""
+_REACH, _MAX_OUTSIDE = 0.75, 0.05
+"""Distance of a corner from the centre of its micro image in pitches, and fraction of the corners beyond it."""
+_MIN_TILT = math.radians(3.0)
+_FOCAL_LENGTH_RATIO = 1.08
+"""Largest ratio of the fitted and the nominal focal length: a board twice as large as stated fits as well, with a focal
+length that is 7 to 10 % shorter."""
+_MAX_RESIDUAL = 0.15
+"""Largest standard deviation of corners, in pitches of the micro images."""
+_MAX_RELATIVE_ERROR = 0.1
+
+
+def check_observations(observations: Observations, problem: Problem) -> None:
+    """Raise an InvalidValueError if boards are too few, or corners and centres do not belong together."""
+    frames = observations.frames
+    if len(frames) < _MIN_FRAMES:
+        raise InvalidValueError(
+            f"the observations hold {len(frames)} frame{'s' * (len(frames) != 1)}; a calibration needs at least "
+            f"{_MIN_FRAMES}, better 10, of boards tilted in different directions"
+        )
+    for frame in frames.tolist():
+        seen = np.bincount(observations.point[observations.frame == frame], minlength=len(observations.board))
+        points = np.flatnonzero(seen >= MIN_LENSES)
+        flat = observations.board[points] - observations.board[points[:1]]
+        if len(points) < _MIN_POINTS or np.linalg.matrix_rank(flat, tol=1e-6 * np.abs(flat).max()) < 2:
+            raise InvalidValueError(
+                f"frame {frame} shows {len(points)} points of the board through {MIN_LENSES} microlenses or more; it "
+                f"needs at least {_MIN_POINTS} that do not lie on a line: leave the frame out"
+            )
+    index = observations.centre_index
+    if len(index) < _MIN_CENTRES or np.linalg.matrix_rank(index - index[:1]) < 2:
+        raise InvalidValueError(
+            f"the observations hold {len(index)} centres of micro images; at least {_MIN_CENTRES} are needed, over the "
+            "whole white image: without them focal length, distances and pitch cannot be told apart"
+        )
+    lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
+    pitch = math.sqrt(abs(float(np.linalg.det(lattice.steps))))
+    if not lattice.residual < _LATTICE_RESIDUAL * pitch:
+        raise InvalidValueError(
+            f"the centres deviate by {lattice.residual:.2f} pixels from a lattice of the pitch {pitch:.2f} pixels; "
+            f"check their indices and that the lattice is {observations.lattice.name}"
+        )
+    if np.linalg.det(lattice.steps) < 0:
+        raise InvalidValueError(
+            "the centres of the white image are mirrored: the second index must count counter-clockwise from the "
+            "first as seen from the lens; mirror the image or exchange the indices"
+        )
+    distance = np.hypot(*(lattice.origin + problem.grid @ lattice.steps - problem.pixel).T)
+    outside = float(np.mean(distance > _REACH * pitch))
+    if outside > _MAX_OUTSIDE:
+        raise InvalidValueError(
+            f"{100 * outside:.0f} % of the corners lie outside the micro image of their microlens, as far as the white "
+            "image shows it: it is of another camera or focus setting, mirrored, or has other indices"
+        )
+
+
+def check_poses(poses: Poses) -> None:
+    """Raise an InvalidValueError if boards show their backs, or all are parallel."""
+    normals = poses.turn[:, :, 2]
+    if np.median(normals[:, 2]) < 0:
+        raise InvalidValueError(
+            "the boards are seen from behind: the images are mirrored, or the board's points are; give points with "
+            "x to the right and y up on the side that the camera sees"
+        )
+    largest = float(np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)).max())
+    if largest < _MIN_TILT:
+        raise InvalidValueError(
+            f"all boards are parallel within {math.degrees(largest):.1f} degrees, from which focal length and "
+            "distances cannot be told apart; tilt boards by 20 degrees or more in different directions"
+        )
+
+
+def check_residuals(problem: Problem) -> None:
+    """Raise an InvalidValueError if the fitted camera misses the corners."""
+    lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
+    pitch = math.sqrt(abs(float(np.linalg.det(lattice.steps))))
+    if not problem.sigma[0] < _MAX_RESIDUAL * pitch:
+        raise InvalidValueError(
+            f"no camera explains the corners: they deviate by {problem.sigma[0]:.2f} pixels, where micro images are "
+            f"{pitch:.1f} pixels apart; check the board's points in mm, and that all frames have one focus setting"
+        )
+
+
+def check_focal_length(state: State, nominal: float) -> None:
+    """Raise an InvalidValueError if the fitted focal length is far from the nominal one."""
+    focal_length = float(state.parameters[Parameter.FOCAL_LENGTH])
+    ratio = focal_length / nominal
+    if not 1.0 / _FOCAL_LENGTH_RATIO < ratio < _FOCAL_LENGTH_RATIO:
+        raise InvalidValueError(
+            f"the observations ask for a focal length of {focal_length:.3g} mm, and the nominal one is {nominal:g} mm; "
+            "check the board's points and the pixel pitch, both in mm: a board of twice the size alters the focal "
+            "length by 10 %; if they are right, give the focal length that the lens has at this focus"
+        )
+
+
+def check_determined(parameters: Floats, errors: Floats) -> None:
+    """Raise an InvalidValueError if the boards leave the focal length open."""
+    f = Parameter.FOCAL_LENGTH
+    if not errors[f] < _MAX_RELATIVE_ERROR * parameters[f]:
+        raise InvalidValueError(
+            f"the observations leave the focal length open: {parameters[f]:.3g} +- {errors[f]:.2g} mm; add nearer "
+            "boards, more tilt, or a prior on the focal length"
+        )

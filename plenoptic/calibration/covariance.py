@@ -1,0 +1,171 @@
+"""Covariance of fitted unknowns from the residuals: the sandwich estimate, clustered.
+
+Errors of a corner may be alike in all micro images that show it, or in the whole frame, and those of centres in their
+neighbourhood: residuals are summed over such clusters before they are squared. Sums over board points and frames
+are corrected for the part of the errors that the fit takes up (R. M. Bell and D. F. McCaffrey, Survey Methodology
+28 (2002), 169).
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.calibration.geometry import Parameter, project_centres
+from plenoptic.calibration.solve import (
+    Cells,
+    Evaluation,
+    Problem,
+    State,
+    cell_products,
+    cells_of,
+    curvature,
+    normal_equations,
+    prior_precision,
+    weight,
+)
+from plenoptic.core.values import Floats
+
+_BLOCK = 8.0
+"""Side in pitches of the blocks of micro images whose centres form a cluster."""
+_BLOCK_RATIO = 1.6
+"""Mean ratio of variances above which neighbouring centres count as correlated."""
+_RATIOS = {1: 1.3, 2: 1.6}
+"""Mean ratios of variances above which clusters are larger; chance gives 1.0 +- 0.05, and 1.0 +- 0.15 for 15 frames."""
+_MAX_LEVERAGE, _JITTER = 0.95, 1e-10
+
+
+def information(problem: Problem, at: Evaluation) -> Floats:
+    """Half the second derivatives of the cost by all unknowns, (unknowns, unknowns)."""
+    weights = curvature(at.corners), curvature(at.centres)
+    return normal_equations(problem, cells_of(problem), at, weights)[0]
+
+
+def inverse(matrix: Floats) -> Floats:
+    """Inverse of a symmetric positive matrix whose unknowns have different units."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(
+        np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True) * scale[:, None] * scale
+    )
+
+
+class ErrorCluster(enum.IntEnum):
+    """Part of the observations within which errors of corners are alike.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> [cluster.name for cluster in pl.calibration.ErrorCluster]
+    ['CORNER', 'BOARD_POINT', 'FRAME']
+    """
+
+    CORNER = 0
+    """None: each corner in each micro image has its own error."""
+    BOARD_POINT = 1
+    """Images of a point of the board in a frame."""
+    FRAME = 2
+    """All corners of a frame, as if its pose were not rigid or the lens not that of the model."""
+
+
+class Spread(NamedTuple):
+    """Covariance (unknowns, unknowns) of the fitted unknowns, and the clusters of its errors."""
+
+    covariance: Floats
+    cluster: ErrorCluster
+
+
+def clustered_covariance(problem: Problem, at: Evaluation) -> Spread:
+    """Covariance of all unknowns at the minimum, by the smallest clusters that leave no correlation between them."""
+    cells, n_free = cells_of(problem), problem.n_free
+    bread = inverse(information(problem, at))
+    meat = np.diag(prior_precision(problem))
+    meat[:n_free, :n_free] += _centre_products(problem, at)
+    scores, taken = _cell_sums(cells, at)
+    alone = np.zeros_like(meat)
+    pulls = cell_products(cells, at.corner_slope * (weight(at.corners) * at.corners)[:, :, None])
+    np.add.at(alone, (cells.unknowns[:, :, None], cells.unknowns[:, None, :]), pulls)
+    alone *= at.corners.size / max(at.corners.size - problem.unknowns, 1)
+    single = _spread_out(cells, problem, _corrected(scores, taken, _parts(bread, cells.unknowns)))
+    frames = _frame_scores(problem, cells, bread, scores, taken)
+    best = Spread(bread @ (meat + alone) @ bread, ErrorCluster.CORNER)
+    used = slice(0, n_free)
+    for cluster, sums in ((ErrorCluster.BOARD_POINT, single), (ErrorCluster.FRAME, frames)):
+        wider = bread @ (meat + sums.T @ sums) @ bread
+        ratio = float(np.trace(inverse(best.covariance[used, used]) @ wider[used, used])) / n_free
+        best = Spread(wider, cluster) if ratio > _RATIOS[cluster] else best
+    return best
+
+
+def _parts(matrix: Floats, unknowns: NDArray[np.int64]) -> Floats:
+    return np.asarray(matrix[unknowns[:, :, None], unknowns[:, None, :]])
+
+
+def _spread_out(cells: Cells, problem: Problem, scores: Floats) -> Floats:
+    """Scores (c, unknowns) of scores (c, k) of cells."""
+    wide = np.zeros((len(scores), problem.unknowns))
+    np.put_along_axis(wide, cells.unknowns, scores, axis=1)
+    return wide
+
+
+def _frame_scores(problem: Problem, cells: Cells, bread: Floats, scores: Floats, taken: Floats) -> Floats:
+    """Scores (frames, unknowns) of whole frames, corrected for their leverage."""
+    frame = (cells.unknowns[:, problem.n_free] - problem.n_free) // 6
+    wide = np.zeros((problem.frames, problem.unknowns))
+    for number in range(problem.frames):
+        rows = frame == number
+        used, place = np.unique(cells.unknowns[rows], return_inverse=True)
+        place = place.reshape(int(rows.sum()), -1)
+        score, matrix = np.zeros(len(used)), np.zeros((len(used), len(used)))
+        np.add.at(score, place, scores[rows])
+        np.add.at(matrix, (place[:, :, None], place[:, None, :]), taken[rows])
+        wide[number, used] = _corrected(score[None], matrix[None], bread[np.ix_(used, used)][None])[0]
+    return wide
+
+
+def _centre_products(problem: Problem, at: Evaluation) -> Floats:
+    """Sum (parameters, parameters) of the products of the centres' scores, over blocks if these are correlated."""
+    pulls = np.einsum("mij,mi->mj", at.centre_slope, weight(at.centres) * at.centres)
+    _, block = np.unique(np.floor(problem.centre_grid / _BLOCK), axis=0, return_inverse=True)
+    sums = np.zeros((int(block.max(initial=-1)) + 1, problem.n_free))
+    np.add.at(sums, block.ravel(), pulls)
+    alone, together = pulls.T @ pulls, sums.T @ sums
+    # Parameters on which no centre depends have no share.
+    rank = float(np.trace(inverse(alone) @ alone))
+    ratio = float(np.trace(inverse(alone) @ together)) / max(rank, 1.0)
+    return together if ratio > _BLOCK_RATIO else alone
+
+
+def _cell_sums(cells: Cells, at: Evaluation) -> tuple[Floats, Floats]:
+    """Derivatives (c, k) of the loss of each cell by its unknowns, and its information (c, k, k)."""
+    pulls = np.concatenate([at.corner_slope, (weight(at.corners) * at.corners)[:, :, None]], axis=2)
+    score = cell_products(cells, pulls)[:, :-1, -1]
+    return score, cell_products(cells, at.corner_slope * np.sqrt(curvature(at.corners))[:, :, None])
+
+
+def _corrected(score: Floats, taken: Floats, part: Floats) -> Floats:
+    """Scores (c, k) of clusters corrected for the leverage of their residuals.
+
+    With the part V of the covariance and the part M of the information that belong to a cluster, V = L L^T, the score
+    s becomes L^-T (1 - L^T M L)^(-1/2) L^T s.
+    """
+    scale = np.sqrt(np.diagonal(part, axis1=1, axis2=2))
+    ratio = part / (scale[:, :, None] * scale[:, None, :])
+    lower = scale[:, :, None] * np.linalg.cholesky(ratio + _JITTER * np.eye(part.shape[1]))
+    upper = lower.transpose(0, 2, 1)
+    leverage, axes = np.linalg.eigh(upper @ taken @ lower)
+    factor = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _MAX_LEVERAGE)) - 1.0
+    along = axes.transpose(0, 2, 1) @ upper @ score[:, :, None]
+    extra = np.linalg.solve(upper, axes @ (factor[:, :, None] * along))
+    return np.asarray(score + extra[:, :, 0])
+
+
+def pupil_sensitivity(problem: Problem, state: State, at: Evaluation) -> Floats:
+    """Change (unknowns,) of the fitted unknowns per mm of the exit pupil's position, which is not fitted."""
+    _, slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch)
+    by_pupil = slope[:, :, Parameter.EXIT_PUPIL] / problem.sigma[1] * curvature(at.centres)
+    mixed = np.zeros(problem.unknowns)
+    mixed[: problem.n_free] = np.einsum("mij,mi->j", at.centre_slope, by_pupil)
+    return np.asarray(-inverse(information(problem, at)) @ mixed)

@@ -1,0 +1,152 @@
+"""Start values of a calibration, from the lattices of micro images and nominal data."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.calibration.geometry import COUNT, Parameter, Poses
+from plenoptic.calibration.solve import Problem, State, minimise
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+
+P = Parameter
+_TRIALS = 20
+"""Distances from lens to array, and from array to sensor, that are tried each."""
+_LONGEST = 20.0
+"""Largest distance from array to sensor that is tried, in pitches; the smallest is one pitch."""
+MIN_LENSES = 3
+"""Least number of microlenses in which a corner must be seen."""
+_CANDIDATES = 4
+
+
+class ImageLattice(NamedTuple):
+    """Lattice of the micro images: the pixel row, column at lattice position (x, y) is origin + (x, y) @ steps."""
+
+    origin: Floats
+    steps: Floats
+    """(2, 2)"""
+    residual: float
+    """Root mean square of a coordinate in pixels."""
+
+
+def image_lattice(grid: Floats, pixel: Floats) -> ImageLattice:
+    """Fit of the lattice to centres of micro images."""
+    table = np.column_stack([np.ones(len(grid)), grid])
+    solution: Floats = np.asarray(np.linalg.lstsq(table, pixel, rcond=None)[0], dtype=np.float64)
+    return ImageLattice(solution[0], solution[1:], float(np.sqrt(np.mean((table @ solution - pixel) ** 2))))
+
+
+class _Bundles(NamedTuple):
+    """Lines of light through the array: a corner's pixel is height + slope times that of the micro image's centre."""
+
+    frame: NDArray[np.int64]
+    point: NDArray[np.int64]
+    slope: Floats
+    height: Floats
+    """(c, 2) x and y in mm."""
+
+
+def _bundles(problem: Problem, lattice: ImageLattice, axis: Floats) -> _Bundles:
+    """Fit of each corner of each frame that enough microlenses see, to x and y in mm from the axis."""
+    to_xy = problem.pixel_pitch * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    centre, corner = ((each - axis) @ to_xy for each in (lattice.origin + problem.grid @ lattice.steps, problem.pixel))
+    points = len(problem.board)
+    names, cell, counts = np.unique(problem.frame * points + problem.point, return_inverse=True, return_counts=True)
+
+    def mean(values: Floats) -> Floats:
+        return np.column_stack([np.bincount(cell, each, len(names)) / counts for each in values.T])
+
+    middle, image = mean(centre), mean(corner)
+    spread = mean((centre - middle[cell]) ** 2).sum(axis=1)
+    both = mean((centre - middle[cell]) * (corner - image[cell])).sum(axis=1)
+    # Three microlenses in a triangle are the least that tell the slope.
+    used = (counts >= MIN_LENSES) & (spread > 0)
+    slope = both[used] / spread[used]
+    return _Bundles(names[used] // points, names[used] % points, slope, image[used] - slope[:, None] * middle[used])
+
+
+def start_state(problem: Problem, focal_length: float) -> State:
+    """State from which the solver converges.
+
+    Of trial distances from lens to array and from array to sensor, those are refined with which the images of the
+    boards, brought back through the lens, are closest to the boards.
+    """
+    lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
+    shape_axis = 0.5 * (problem.centre_pixel.min(axis=0) + problem.centre_pixel.max(axis=0))
+    bundles = _bundles(problem, lattice, shape_axis)
+    gaps = np.geomspace(1.0, _LONGEST, _TRIALS) * _pitch(lattice) * problem.pixel_pitch
+    arrays = focal_length * (1.0 + np.geomspace(0.01, 1.0, _TRIALS))
+    trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()]
+    scored = [_poses(problem, bundles, focal_length, *trial) for trial in trials]
+    order = np.argsort([score for score, _ in scored], kind="stable")[:_CANDIDATES]
+    best, least = None, np.inf
+    for k in order.tolist():
+        score, poses = scored[k]
+        if not math.isfinite(score):
+            continue
+        parameters = _parameters(problem, lattice, shape_axis, focal_length, trials[k])
+        held = problem._replace(free=np.isin(np.arange(COUNT), [P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH]))
+        held = held._replace(sigma=(3.0, 1.0))
+        state, at = minimise(held, State(parameters, poses, np.zeros_like(problem.board)), steps=12, tolerance=100.0)
+        if at.cost < least:
+            best, least = state, at.cost
+    if best is None:
+        raise InvalidValueError(
+            "no camera with a real image of the boards explains the corners; check the focal length f, the board's "
+            "points in mm, and that corners and centres are of one camera"
+        )
+    return best
+
+
+def _pitch(lattice: ImageLattice) -> float:
+    """Distance of micro images per lattice pitch, pixels."""
+    return math.sqrt(abs(float(np.linalg.det(lattice.steps))))
+
+
+def _parameters(
+    problem: Problem, lattice: ImageLattice, axis: Floats, focal_length: float, distances: tuple[float, float]
+) -> Floats:
+    """Parameters of a thin lens whose micro images form a lattice."""
+    array, gap = distances
+    parameters = np.zeros(COUNT)
+    spacing = problem.pixel_pitch / (1.0 + gap / array)
+    x_step = np.array([-lattice.steps[0, 1], lattice.steps[0, 0]])
+    parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]] = focal_length, array, gap
+    parameters[P.PITCH], parameters[P.TURN] = spacing * _pitch(lattice), math.atan2(x_step[1], x_step[0])
+    row, column = lattice.origin - axis
+    parameters[[P.SHIFT_X, P.SHIFT_Y]] = -spacing * column, spacing * row
+    parameters[[P.AXIS_ROW, P.AXIS_COLUMN]] = axis
+    return parameters
+
+
+def _poses(problem: Problem, bundles: _Bundles, focal_length: float, array: float, gap: float) -> tuple[float, Poses]:
+    """Mean square distance of the boards from their images brought back through the lens, mm^2, and their poses."""
+    at_infinity = gap / array
+    s = bundles.slope * (1.0 + at_infinity) - 1.0
+    frames = problem.frames
+    nothing = np.inf, Poses(np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = array - gap / s
+        depth = focal_length * z / (z - focal_length)
+        points = np.column_stack([bundles.height / s[:, None] * (depth / z)[:, None], -depth])
+    real = np.isfinite(points).all(axis=1) & (z > focal_length) & (depth < 1e4 * focal_length)
+    if real.mean() < 0.9:
+        return nothing
+    turns, shifts, errors = np.empty((frames, 3, 3)), np.empty((frames, 3)), np.empty(frames)
+    for number in range(frames):
+        rows = real & (bundles.frame == number)
+        if rows.sum() < 3:
+            return nothing
+        board, image = problem.board[bundles.point[rows]], points[rows]
+        middle, centre = board.mean(axis=0), np.median(image, axis=0)
+        u, _, v = np.linalg.svd((image - centre).T @ (board - middle))
+        turns[number] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+        moved = (board - middle) @ turns[number].T
+        shifts[number] = centre - turns[number] @ middle
+        # In directions, where blur in depth does not hide the rest.
+        errors[number] = np.median(np.sum((image - centre - moved) ** 2, axis=1))
+    return float(np.median(errors)), Poses(turns, shifts)

@@ -1,0 +1,47 @@
+"""Calibration of cameras by their own projections: errors are those that are stated, and as small as they can be."""
+
+import numpy as np
+import pytest
+from calibration_helpers import (
+    GALILEAN,
+    KEPLERIAN,
+    P,
+    board_points,
+    boards_in_view,
+    camera_as_built,
+    observed,
+    true_values,
+)
+
+import plenoptic as pl
+
+NOISE = 0.3, 0.05
+CASES = [(GALILEAN, 0.0), (KEPLERIAN, 0.0), (GALILEAN, 0.3), (KEPLERIAN, 0.3)]
+
+
+def calibrated(seed, distances, bend):
+    camera, (design, board) = camera_as_built(seed, distances=distances), board_points(bend, seed)
+    observations = observed(camera, boards_in_view(board, 12, seed), design, noise=NOISE, seed=seed)
+    return camera, pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 7.0))
+
+
+def scores(camera, calibration):
+    sigma = np.sqrt(np.diag(calibration.covariance))[: P.STRETCH]
+    return (calibration.values - true_values(camera, calibration))[: P.STRETCH] / sigma
+
+
+def test_a_projected_camera_comes_back():
+    camera, calibration = calibrated(0, GALILEAN, 0.0)
+    assert np.abs(scores(camera, calibration)).max() < 4
+    assert calibration.error_cluster is pl.calibration.ErrorCluster.CORNER
+    assert not any(test.accepted for test in calibration.held_out)
+
+
+@pytest.mark.slow
+def test_errors_of_many_cameras_are_those_that_are_stated():
+    """Twelve cameras with Galilean and Keplerian arrays, of which half see a bent board."""
+    z = np.array([scores(*calibrated(seed, *case)) for seed in range(3) for case in CASES])
+    # Of 12 normal numbers the root mean square is 1 +- 0.2, and all parameters together are some 5 independent ones.
+    rms = np.sqrt(np.mean(z**2, axis=0))
+    assert ((rms > 0.4) & (rms < 1.6)).all(), rms
+    assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
