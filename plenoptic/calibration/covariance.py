@@ -35,6 +35,8 @@ _BLOCK_RATIO = 1.6
 """Mean ratio of variances above which neighbouring centres count as correlated."""
 _RATIOS = {1: 1.3, 2: 1.6}
 """Mean ratios of variances above which clusters are larger; chance gives 1.0 +- 0.05, and 1.0 +- 0.15 for 15 frames."""
+_MIN_FRAMES = 6
+"""Least number of frames of which variances between frames can be told."""
 _MAX_LEVERAGE, _JITTER = 0.95, 1e-10
 
 
@@ -92,7 +94,8 @@ def clustered_covariance(problem: Problem, at: Evaluation) -> Spread:
     frames = _frame_scores(problem, cells, bread, scores, taken)
     best = Spread(bread @ (meat + alone) @ bread, ErrorCluster.CORNER)
     used = slice(0, n_free)
-    for cluster, sums in ((ErrorCluster.BOARD_POINT, single), (ErrorCluster.FRAME, frames)):
+    clusters = [(ErrorCluster.BOARD_POINT, single), (ErrorCluster.FRAME, frames)]
+    for cluster, sums in clusters if problem.frames >= _MIN_FRAMES else clusters[:1]:
         wider = bread @ (meat + sums.T @ sums) @ bread
         ratio = float(np.trace(inverse(best.covariance[used, used]) @ wider[used, used])) / n_free
         best = Spread(wider, cluster) if ratio > _RATIOS[cluster] else best

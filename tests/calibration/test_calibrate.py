@@ -134,6 +134,24 @@ def test_samples_scatter_by_the_errors():
     assert 0.6 < gaps.std() / sigma < 1.4 and abs(gaps.mean() - calibration[k]) < 4 * sigma / 40**0.5
 
 
+def test_gross_errors_do_not_matter():
+    usual, rng = observed(), np.random.default_rng(7)
+    wrong = rng.random(len(usual.pixel)) < 0.03
+    pixel = usual.pixel + wrong[:, None] * rng.uniform(-6.0, 6.0, usual.pixel.shape)
+    calibration = pl.calibrate(dataclasses.replace(usual, pixel=pixel), start=NOMINAL, board=0.0)
+    assert calibration.corner_rms > 3 * NOISE[0]
+    assert np.abs(z_scores(calibration, parameters())).max() < 4
+    # Least squares would have three times the error.
+    assert calibration.standard_error(P.FOCAL_LENGTH) < 1.6 * calibrated().standard_error(P.FOCAL_LENGTH)
+
+
+def test_few_frames_are_fitted_without_leaving_any_out():
+    calibration = pl.calibrate(observed(n=4, bend=0.1), start=NOMINAL)
+    assert calibration.held_out == () and calibration.standard_error(P.STRETCH) == 0
+    assert (calibration.board_error > 0).all(), "the prior holds the board"
+    assert np.abs(z_scores(calibration, parameters())).max() < 4
+
+
 def test_what_is_said_of_the_calibration():
     calibration = calibrated()
     assert "FOCAL_LENGTH and LENS_TO_ARRAY" in " ".join(calibration.valleys)
