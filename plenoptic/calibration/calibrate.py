@@ -18,6 +18,7 @@ from plenoptic.calibration.checks import (
 from plenoptic.calibration.covariance import clustered_covariance, information, inverse, pupil_sensitivity
 from plenoptic.calibration.geometry import COUNT, Parameter, rotated
 from plenoptic.calibration.halves import Half, fit_halves
+from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
 from plenoptic.calibration.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
@@ -85,7 +86,8 @@ def calibrate(
     loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond that (points
     of the board, an array stretched along one side, radial distortion) are accepted if frames that were
     left out are then predicted better by two standard errors. The twin cannot distort: with distortion asked for,
-    `held_out` says so, and the twin is the best camera without it.
+    `held_out` says so, and the twin is the best camera without it. Signed blur of corners gives the focal lengths of
+    the microlenses, also of three types in a hexagonal array (two in a square one).
 
     Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these are
     correlated (`ErrorCluster`). Corners and centres hardly tell the exit pupil from the principal plane; its prior
@@ -224,22 +226,15 @@ def _result(
 
 
 def _layout(observations: Observations, start: NominalCamera, problem: Problem, state: State) -> Layout:
-    """Parts of the camera that are not fitted; microlenses focus on the median image of the corners."""
+    """Parts of the camera that are not fitted together."""
     f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
     arms = rotated(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
     depth = -(arms + state.poses.shift[problem.frame])[:, 2]
-    vergence = float(np.median(1.0 / (array - f * depth / (depth - f))))
+    vergence = 1.0 / (array - f * depth / (depth - f))
+    focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
     index = observations.centre_index
     first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
-    return Layout(
-        observations.sensor,
-        observations.lattice,
-        start.f_number,
-        (1.0 / (1.0 / float(gap) + vergence),),
-        pivot,
-        first,
-        last,
-    )
+    return Layout(observations.sensor, observations.lattice, start.f_number, focus, pivot, first, last)
 
 
 def _aided(problem: Problem, at: Evaluation, covariance: Floats) -> tuple[tuple[str, float, float, float], ...]:

@@ -47,6 +47,15 @@ def test_corners_and_centres_fit_with_the_board_free_and_without_distortion():
     assert 0.15 < np.std(calibration.board[:, 2]) < 0.25, "bent by 0.2 mm"
 
 
+def test_three_types_of_microlenses_are_told_apart_by_their_blur():
+    lengths = np.array(calibrated().camera.microlenses.focal_lengths)
+    gap = calibrated()[P.ARRAY_TO_SENSOR]
+    # COMPOTE has other distances; blur fixes 1 - d / f, up to the slightly different pitch.
+    published = np.array([0.5826697, 0.5240249, 0.5605736])
+    expected = np.sort(1.0 - 0.3371257 / published)
+    np.testing.assert_allclose(np.sort(1.0 - gap / lengths), expected, rtol=0.03)
+
+
 def test_intervals_hold_the_focal_length_of_other_models():
     low, high = calibrated().interval(P.FOCAL_LENGTH)
     # Thin models 51.4 to 52.2, traced double Gauss lenses 52.8 to 53.3 mm.
