@@ -2,8 +2,8 @@
 
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
 from plenoptic.calibration.compote_files import read_compote
-from plenoptic.calibration.covariance import ErrorCluster
-from plenoptic.calibration.geometry import Parameter
+from plenoptic.calibration.fitting.covariance import ErrorCluster
+from plenoptic.calibration.fitting.geometry import Parameter
 from plenoptic.calibration.grid_files import read_grid
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.nominal import NominalCamera

@@ -8,21 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
-from plenoptic.calibration.checks import (
+from plenoptic.calibration.fitting.checks import (
     check_determined,
     check_focal_length,
     check_observations,
     check_poses,
     check_residuals,
 )
-from plenoptic.calibration.covariance import clustered_covariance, information, inverse, pupil_sensitivity
-from plenoptic.calibration.geometry import COUNT, Parameter, rotated
-from plenoptic.calibration.halves import Half, fit_halves
+from plenoptic.calibration.fitting.covariance import clustered_covariance, information, inverse, pupil_sensitivity
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, rotated
+from plenoptic.calibration.fitting.halves import Half, fit_halves
+from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
+from plenoptic.calibration.fitting.start_values import start_state
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
-from plenoptic.calibration.start_values import start_state
 from plenoptic.calibration.twin import Layout, object_origin, twin_camera
 from plenoptic.core.values import Floats, check_kind, choice, finite, number
 from plenoptic.errors import InvalidValueError

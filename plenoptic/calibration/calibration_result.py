@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from plenoptic.calibration.covariance import ErrorCluster
-from plenoptic.calibration.geometry import COUNT, Parameter
+from plenoptic.calibration.fitting.covariance import ErrorCluster
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter
 from plenoptic.calibration.twin import Layout, twin_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, choice, number, result, seed_number, whole

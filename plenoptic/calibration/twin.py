@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.calibration.geometry import Parameter, lenslets
+from plenoptic.calibration.fitting.geometry import Parameter, lenslets
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
 from plenoptic.optics.glass.media import ConstantMedium

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import plenoptic as pl
-from plenoptic.calibration.geometry import project_centres, project_corners
+from plenoptic.calibration.fitting.geometry import project_centres, project_corners
 from plenoptic.calibration.twin import Layout
 from plenoptic.core.motions.rotation import rotation_about
 

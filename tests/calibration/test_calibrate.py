@@ -9,7 +9,7 @@ import pytest
 from calibration_helpers import NOMINAL, P, board_points, boards_of_50mm, parameters, simulated
 
 import plenoptic as pl
-from plenoptic.calibration.solve import cell_products, cells_of, evaluate, normal_equations, problem_of, weight
+from plenoptic.calibration.fitting.solve import cell_products, cells_of, evaluate, normal_equations, problem_of, weight
 
 DESIGN, _ = board_points()
 NOISE = 0.15, 0.03
@@ -193,8 +193,8 @@ def test_normal_equations_are_the_products_of_all_derivatives():
     free = np.arange(len(P)) < P.STRETCH
     problem = problem_of(observations, np.array([[3**0.5 / 2, 0.5], [0.0, 1.0]]), free)
     problem = problem._replace(board_sigma=0.3, prior=np.tile([1.0, 0.5], (len(P), 1)))
-    from plenoptic.calibration.calibrate import start_state
-    from plenoptic.calibration.solve import State
+    from plenoptic.calibration.fitting.solve import State
+    from plenoptic.calibration.fitting.start_values import start_state
 
     start = start_state(problem._replace(board_sigma=0.0), 50.0)
     state = State(start.parameters, start.poses, 0.1 * np.ones_like(problem.board))

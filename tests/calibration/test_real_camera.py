@@ -10,11 +10,11 @@ from calibration_helpers import P
 
 import plenoptic as pl
 from plenoptic.calibration.calibrate import _fitted
-from plenoptic.calibration.covariance import clustered_covariance
-from plenoptic.calibration.geometry import COUNT
-from plenoptic.calibration.halves import fit_halves
-from plenoptic.calibration.solve import problem_of
-from plenoptic.calibration.start_values import start_state
+from plenoptic.calibration.fitting.covariance import clustered_covariance
+from plenoptic.calibration.fitting.geometry import COUNT
+from plenoptic.calibration.fitting.halves import fit_halves
+from plenoptic.calibration.fitting.solve import problem_of
+from plenoptic.calibration.fitting.start_values import start_state
 from plenoptic.optics.microlens.lattice import lattice_basis
 
 FOLDER = Path(os.environ["PLENOPTIC_SHARED"]) / "calibration"

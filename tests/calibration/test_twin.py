@@ -5,7 +5,7 @@ import pytest
 from calibration_helpers import SENSOR, P, board_points, boards_of_50mm, layout, parameters
 
 import plenoptic as pl
-from plenoptic.calibration.geometry import Poses, project_centres, project_corners, rotated
+from plenoptic.calibration.fitting.geometry import Poses, project_centres, project_corners, rotated
 from plenoptic.calibration.twin import object_origin, twin_camera
 
 CASES = [{}, {"EXIT_PUPIL": 6.0}, {"EXIT_PUPIL": -5.0}, {"STRETCH": 2e-4, "TURN": -1.2, "TILT_X": 0.02}]

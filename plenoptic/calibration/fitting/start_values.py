@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.geometry import COUNT, Parameter, Poses
-from plenoptic.calibration.solve import Problem, State, minimise
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, Poses
+from plenoptic.calibration.fitting.solve import Problem, State, minimise
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 

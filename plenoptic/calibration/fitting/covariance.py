@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.geometry import Parameter, project_centres
-from plenoptic.calibration.solve import (
+from plenoptic.calibration.fitting.geometry import Parameter, project_centres
+from plenoptic.calibration.fitting.solve import (
     Cells,
     Evaluation,
     Problem,

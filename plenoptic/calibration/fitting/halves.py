@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.geometry import Poses
-from plenoptic.calibration.solve import Evaluation, Problem, State, minimise
+from plenoptic.calibration.fitting.geometry import Poses
+from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, minimise
 from plenoptic.core.values import Floats
 
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from plenoptic.calibration.geometry import Parameter, Poses
+from plenoptic.calibration.fitting.geometry import Parameter, Poses
+from plenoptic.calibration.fitting.solve import Problem, State
+from plenoptic.calibration.fitting.start_values import MIN_LENSES, image_lattice
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.solve import Problem, State
-from plenoptic.calibration.start_values import MIN_LENSES, image_lattice
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.geometry import COUNT, Poses, project_centres, project_corners, rotated
+from plenoptic.calibration.fitting.geometry import COUNT, Poses, project_centres, project_corners, rotated
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
 
