@@ -7,13 +7,10 @@ from pathlib import Path
 
 from hypothesis import settings
 
-<<<<<<< HEAD
 from plenoptic.core.numba.jit import Specialized
 
-HELPERS = ("benchmarks", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile", "validation")
-=======
-HELPERS = ("benchmarks", "calibration", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile", "validation")
->>>>>>> f23a552a (calibrate: camera, poses and board from corners and centres, with errors and a twin that renders)
+HELPERS = ("benchmarks", "calibration", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile")
+HELPERS += ("validation",)
 HELPERS += ("optics/lens/analysis", "optics/lens/waves", "optics/surfaces", "viewer")
 HELPERS += ("rendering", "rendering/integrator", "rendering/schedule")
 """Folders with modules that tests import."""
