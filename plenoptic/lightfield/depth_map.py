@@ -194,7 +194,7 @@ def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages,
     pixel, per_pitch = np.column_stack(lit) + np.array(raw.first), disparity[lit] / pitch
     depths = np.full_like(disparity, np.nan)
     depths[lit] = object_depths(model, pixel, micro.on_array[lens], per_pitch)
-    disparity[lit] = pitch * chord_disparity(model, pixel, micro.index[lens], micro.steps, per_pitch)
+    disparity[lit] = pitch * chord_disparity(model, pixel, lens, micro.index, micro.steps, per_pitch)
     with np.errstate(divide="ignore"):
         return DepthMap(disparity, error, confidence, pitch / disparity, depths)
 

@@ -93,7 +93,7 @@ def _with_displacement(stack: ImageStack, model: ViewModel, indices: NDArray[np.
     return stack._replace(
         base=stack.base + change[1:, 0],
         step=stack.step - change[1:, 1],
-        residual_displacement=displacement - change[:, None, None],
+        residual_displacement=(displacement - change[:, None, None]).astype(np.float32),
     )
 
 

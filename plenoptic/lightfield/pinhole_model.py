@@ -8,9 +8,7 @@ image is displaced, more so farther from the centre of the micro image.
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,9 +27,6 @@ from plenoptic.optics.microlens.array import MicrolensArray
 
 _TRIALS = 24
 """Virtual depths at which an object plane in front of the lens is searched."""
-_ITERATIONS = 5
-"""Iterations for a point's image behind a neighbouring microlens. They leave 1e-4 of the disparity where aberrations
-change it by 30 %, and 1e-8 of the reference camera's."""
 _BLOCK = 1 << 12
 """Pixels whose rays one task of a thread traces."""
 
@@ -187,28 +182,34 @@ def _displacement(
     """
     from plenoptic.lightfield.kernels.displacement import fill_displacement
 
-    to_lens, lens = model.axes.parts.local_to_lens, model.unclipped if deviation is None else model.lens
-    z, disparity = np.array([(plane.z, plane.disparity_per_pitch) for plane in model.planes]).T.copy()
+    lens = model.unclipped if deviation is None else model.lens
     position, slope, _ = rays_at_array(model.axes, model.array, pixel, on_array)
     starts = position, slope, np.zeros(len(pixel)) if deviation is None else deviation
     throughput, displacement = np.empty(len(pixel)), np.empty((len(pixel), 2, 2))
-    traced = np.column_stack([to_lens.turn, to_lens.shift]), z, disparity, model.maps
-    fill_displacement(throughput, displacement, (pixel, on_array), starts, points, lens, traced)
+    fill_displacement(throughput, displacement, (pixel, on_array), starts, points, lens, _traced(model))
     return throughput, displacement
 
 
 def chord_disparity(
-    model: PinholeModel, pixel: Floats, index: NDArray[np.int64], steps: NDArray[np.int64], per_pitch: Floats
+    model: PinholeModel,
+    pixel: Floats,
+    lens: NDArray[np.int64],
+    index: NDArray[np.int64],
+    steps: NDArray[np.int64],
+    per_pitch: Floats,
 ) -> Floats:
     """(n,): chord disparity over the pitch, for points that pixels (n, 2) see at model disparities (n,).
 
-    Chief rays pass microlenses of indices (n, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
+    Chief rays pass microlenses `lens` (n,) of indices (k, 2) and their neighbours, as in `GroundTruth.chord_disparity`.
     """
-    chord = np.empty(len(pixel))
+    chord, with_own = np.empty(len(pixel)), np.vstack([np.zeros((1, 2), np.int64), steps])
+    centres = [lenses_at(model.array, index + step).axis for step in with_own]
+    images = [orthogonal_pixels(model.axes, centre) for centre in centres]
 
     def fill(start: int) -> None:
         block = slice(start, start + _BLOCK)
-        chord[block] = _chord_disparity(model, pixel[block], index[block], steps, per_pitch[block])
+        own, projected = ([places[lens[block]] for places in each] for each in (centres, images))
+        chord[block] = _chord_disparity(model, pixel[block], own, projected, steps, per_pitch[block])
 
     for _ in run_in_order(fill, range(0, len(pixel), _BLOCK), threads=model.threads):
         pass
@@ -216,45 +217,68 @@ def chord_disparity(
 
 
 def _chord_disparity(
-    model: PinholeModel, pixel: Floats, index: NDArray[np.int64], steps: NDArray[np.int64], per_pitch: Floats
+    model: PinholeModel,
+    pixel: Floats,
+    centres: list[Floats],
+    images: list[Floats],
+    steps: NDArray[np.int64],
+    per_pitch: Floats,
 ) -> Floats:
-    centre = lenses_at(model.array, index).axis
-    projected = orthogonal_pixels(model.axes, centre)
-    offset = _displacement_at(model, centre, per_pitch, pixel)
-    along, length = np.zeros(len(pixel)), np.zeros(len(pixel))
-    for step in steps:
-        neighbour = lenses_at(model.array, index + step).axis
-        baseline = orthogonal_pixels(model.axes, neighbour) - projected
+    """Chord disparity over the pitch of pixels (n, 2), by the centres of their microlenses and of the neighbours.
+
+    `images` are the orthogonal projections of these centres onto the sensor, in pixels.
+    """
+    axes, local = model.axes, [model.axes.local(centre) for centre in centres]
+    slope, expected = rays_at_array(axes, model.array, pixel, centres[0])[1], np.empty_like(pixel)
+    _, displacement = _displacement(model, pixel, centres[0], np.zeros((1, 2)), None)
+    offset = displacement[:, 0] + per_pitch[:, None] * displacement[:, 1]
+    along, length, changes = np.zeros(len(pixel)), np.zeros(len(pixel)), dict[tuple[int, ...], Floats]()
+    for (down, right), centre, position, image in zip(steps.tolist(), centres[1:], local[1:], images[1:], strict=True):
+        baseline = image - images[0]
         expected = pixel - offset + (1.0 - per_pitch)[:, None] * baseline
-        neighbour_offset = _fixed_point(
-            functools.partial(_displacement_at, model, neighbour, per_pitch, expected), offset
-        )
-        along += _dot(neighbour_offset - offset, baseline)
+        paraxial = slope - per_pitch[:, None] * (position - local[0]) / axes.parts.distance
+        # Aberrations turn the rays of opposite neighbours by opposite angles, nearly.
+        chief = paraxial - changes.get((-down, -right), 0.0)
+        hit = _chief_hits(model, chief, centre, position, expected, per_pitch)
+        changes[down, right] = chief - paraxial
+        along += _dot(hit - expected - offset, baseline)
         length += _dot(baseline, baseline)
     return per_pitch - along / length
+
+
+def _chief_hits(
+    model: PinholeModel, slope: Floats, centre: Floats, local: Floats, expected: Floats, per_pitch: Floats
+) -> Floats:
+    """Pixels (n, 2) hit by chief rays of points that the pinhole model images at `expected` (n, 2).
+
+    `slope` (n, 2) has estimates of the slopes of the rays, and gets the slopes.
+    """
+    from plenoptic.lightfield.kernels.displacement import fill_slopes_to_points
+
+    axes, sensor, refraction = model.axes, model.axes.camera.sensor, model.array.model.refraction
+    corner, *sides = sensor.centre_of(np.array([0, 1, 0]), np.array([0, 0, 1]))
+    per_pixel = axes.parts.sensor_to_local.turn[:2, :2] @ (np.array(sides) - corner).T / axes.parts.distance
+    # A plate displaces rays by their slopes, which depend on the displacement: iterate.
+    for _ in range(2):
+        front = refraction.shift_chief_rays(model.array, local, slope, axes.camera.wavelength, False)
+        known = 2.0 * local - front, centre, expected, per_pitch
+        fill_slopes_to_points(slope, known, per_pixel, model.unclipped, _traced(model))
+        if front is local:
+            break
+    rear = refraction.shift_chief_rays(model.array, local, slope, axes.camera.wavelength, True)
+    return np.asarray(sensor.pixel_of(axes.on_sensor(rear, slope)))
+
+
+def _traced(model: PinholeModel) -> tuple[Floats, Floats, Floats, Floats]:
+    """Frame of the array in the lens, positions and disparities (2,) of the planes, and their maps, for kernels."""
+    z, disparity = np.array([(plane.z, plane.disparity_per_pitch) for plane in model.planes]).T.copy()
+    to_lens = model.axes.parts.local_to_lens
+    return np.column_stack([to_lens.turn, to_lens.shift]), z, disparity, model.maps
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
     """Scalar products (n,) of vectors (n, 2)."""
     return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1])
-
-
-def _fixed_point(function: Callable[[Floats], Floats], start: Floats) -> Floats:
-    """Fixed points (n, 2) of a function by Anderson's iteration: each extrapolates the line through the last two.
-
-    D. G. Anderson, J. ACM 12 (1965), doi:10.1145/321296.321305.
-    """
-    value = function(start)
-    residual, point = value - start, value
-    for _ in range(_ITERATIONS - 1):
-        new_value = function(point)
-        new_residual = new_value - point
-        change = new_residual - residual
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = _dot(change, new_residual) / _dot(change, change)
-        step = np.where(np.isfinite(step), step, 0.0)[:, None]
-        point, value, residual = new_value - step * (new_value - value), new_value, new_residual
-    return point
 
 
 def object_depths(model: PinholeModel, pixel: Floats, on_array: Floats, per_pitch: Floats) -> Floats:
@@ -276,14 +300,6 @@ def depths_on_rays(
         rays = chief_rays(axes, array, pixel, on_array, threads)
         z = lens_to_camera.points(np.column_stack([plane_intersections(rays, z), z]))[:, 2]
     return -z
-
-
-def _displacement_at(
-    model: PinholeModel, on_array: Floats, per_pitch: Floats, pixel: Floats, moved: Floats | float = 0.0
-) -> Floats:
-    """Displacement (n, 2) of chief rays of pixels (n, 2), moved by (n, 2), at model disparities (n,)."""
-    _, displacement = _displacement(model, pixel + moved, on_array, np.zeros((1, 2)), None)
-    return displacement[:, 0] + per_pitch[:, None] * displacement[:, 1]
 
 
 def linear_in_disparity(planes: PlanePair, values: Floats) -> tuple[Floats, Floats]:

@@ -82,8 +82,8 @@ def test_spherical_aberration_beyond_the_step_of_the_sweep_does_not_bias_depth()
     row, column = np.rint(centres.pixel[nearest]).astype(int)
     model = pinhole_model(camera, (2.0, 12.0), 1)
     near = np.array([[row, column - 3], [row, column], [row + 3, column]])
-    index, steps = np.repeat(centres.index[[nearest]], 3, axis=0), neighbour_steps(pl.Lattice.HEXAGONAL)
-    chord = chord_disparity(model, near.astype(float), index, steps, np.full(3, 1 / 4.0))
+    lens, steps = np.full(3, nearest), neighbour_steps(pl.Lattice.HEXAGONAL)
+    chord = chord_disparity(model, near.astype(float), lens, centres.index, steps, np.full(3, 1 / 4.0))
     truth = shot.truth.chord_disparity[tuple((near - 145).T)]
     np.testing.assert_allclose(chord * 0.127 / 0.0055, truth, rtol=2e-4)  # 3e-3 after one iteration
 

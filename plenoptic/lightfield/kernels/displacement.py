@@ -10,6 +10,9 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, NOT_FINITE, RAY, STATUS, WE
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.trace import trace_block
 
+_MOST_STEPS, _TOLERANCE = 20, 1e-4
+"""Steps towards a point in an object plane, and the distance to it, in pixels, before the last one."""
+
 
 @device
 def _start_rays(ray, frame):
@@ -92,3 +95,66 @@ def fill_displacement(throughput, displacement, pixels, starts, points, lens, mo
         for c in range(2):
             displacement[p, 1, c] = (offset[1, c] - offset[0, c]) / (disparity[1] - disparity[0])
             displacement[p, 0, c] = offset[0, c] - displacement[p, 1, c] * disparity[0]
+
+
+@kernel
+def fill_slopes_to_points(slope, starts, per_pixel, lens, model):
+    """Slopes (n, 2) of rays that meet the points of planes which the pinhole model images at targets (n, 2), in pixels.
+
+    `slope` has estimates of them, and NaN in the end where a ray is lost. `starts` are the positions (n, 2) of rays on
+    the array, their microlenses (n, 2), the targets, and the disparities (n,) of the planes. `per_pixel` (2, 2) is the
+    approximate change of slopes per row and column, and `model` is that of `fill_displacement`.
+
+    By Anderson's iteration: each step extrapolates the line through the last two (D. G. Anderson, J. ACM 12 (1965),
+    doi:10.1145/321296.321305).
+    """
+    position, on_array, target, disparity = starts
+    frame, z, planes, maps = model
+    ray, crossed, n = np.zeros(RAY), np.empty(4 * BLOCK), slope.shape[0]
+    image, point, value, residual = (np.empty(2), np.empty((BLOCK, 2)), np.empty((BLOCK, 2)), np.empty((BLOCK, 2)))
+    moving = np.empty(BLOCK, np.bool_)
+    for start in range(0, n, BLOCK):
+        count = min(BLOCK, n - start)
+        point[:], moving[:] = 0.0, True
+        for trial in range(_MOST_STEPS):
+            n_moving = 0
+            for i in range(count):
+                p, (u, v) = start + i, (point[i, 0], point[i, 1])
+                ray[X + i], ray[Y + i] = position[p, 0], position[p, 1]
+                ray[L + i] = slope[p, 0] + per_pixel[0, 0] * u + per_pixel[0, 1] * v
+                ray[M + i] = slope[p, 1] + per_pixel[1, 0] * u + per_pixel[1, 1] * v
+                n_moving += moving[i]
+            if n_moving == 0:
+                break
+            _start_rays(ray, frame)
+            trace_block(ray, lens, None, 0, None, None, None)
+            _intersect_planes(crossed, ray, z)
+            for i in range(count):
+                if not moving[i]:
+                    continue
+                p = start + i
+                t = (disparity[p] - planes[0]) / (planes[1] - planes[0])
+                change_squares, product, squares = 0.0, 0.0, 0.0
+                for c in range(2):
+                    image[c] = 0.0
+                    for k in range(2):
+                        a, x, y = maps[k, c], crossed[2 * k * BLOCK + i], crossed[(2 * k + 1) * BLOCK + i]
+                        pixel = a[0] + a[1] * x + a[2] * y + a[3] * on_array[p, 0] + a[4] * on_array[p, 1]
+                        image[c] += (t if k else 1.0 - t) * pixel
+                    image[c] = target[p, c] - image[c]
+                    change = image[c] - residual[i, c]
+                    squares += image[c] * image[c]
+                    product += change * image[c]
+                    change_squares += change * change
+                share = product / change_squares if trial > 0 and change_squares > 0.0 else 0.0
+                for c in range(2):
+                    new = point[i, c] + image[c]
+                    point[i, c] = new - share * (new - value[i, c]) if trial > 0 else new
+                    value[i, c], residual[i, c] = new, image[c]
+                    if ray[STATUS + i] != 0.0:
+                        point[i, c] = math.nan
+                moving[i] = squares > _TOLERANCE * _TOLERANCE and ray[STATUS + i] == 0.0
+        for i in range(count):
+            p, (u, v) = start + i, (point[i, 0], point[i, 1])
+            slope[p, 0] += per_pixel[0, 0] * u + per_pixel[0, 1] * v
+            slope[p, 1] += per_pixel[1, 0] * u + per_pixel[1, 1] * v

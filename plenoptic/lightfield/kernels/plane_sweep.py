@@ -57,9 +57,14 @@ def _fill_product(out, a, b):
 def _fill_neighbour_sums(out, values, start, spacing, radius):
     """Sum of 2 radius + 1 values at a spacing, centred at start + i."""
     middle, before, after = values[start:], values[start - spacing :], values[start + spacing :]
+    if radius == 1:
+        for i in range(out.size):
+            out[i] = middle[i] + before[i] + after[i]
+        return
+    first, last = values[start - 2 * spacing :], values[start + 2 * spacing :]
     for i in range(out.size):
-        out[i] = middle[i] + before[i] + after[i]
-    for j in range(2, radius + 1):
+        out[i] = middle[i] + before[i] + after[i] + (first[i] + last[i])
+    for j in range(3, radius + 1):
         before, after = values[start - j * spacing :], values[start + j * spacing :]
         for i in range(out.size):
             out[i] += before[i] + after[i]
@@ -141,13 +146,28 @@ def _correlate(work, stack, begin, end, noise, columns):
 
 
 @device
+def _fill_bounds(bounds, mask, columns):
+    """First and end row, first and end column of the valid pixels of an image; 0 without one."""
+    bounds[:] = 0
+    for i in range(mask.size):
+        if mask[i]:
+            row, column = i // columns, i % columns
+            if bounds[1] == 0:
+                bounds[0], bounds[2] = row, column
+            bounds[1], bounds[2], bounds[3] = row + 1, min(bounds[2], column), max(bounds[3], column + 1)
+
+
+@device
 def _compare(work, stack, images, masks, m, j, d):
     """Compare an image with another one on a plane: `work.score`, of pixels from the returned first to the end one."""
-    (rows, columns), other = stack.values.shape[1:], stack.other[j]
+    columns, other = stack.values.shape[2], stack.other[j]
     down, right = stack.base[j, 0] - d * stack.step[j, 0], stack.base[j, 1] - d * stack.step[j, 1]
     top, left = math.floor(down), math.floor(right)
-    begin, end = max(2, 2 - top) * columns, min(rows - 2, rows - 3 - top) * columns
-    if begin >= end or abs(left) > columns - 4:
+    (first_row, end_row, first, end), shown = work.bounds[0], work.bounds[j - stack.first[m] + 1]
+    if max(first, shown[2] - left) >= min(end, shown[3] - 1 - left):
+        return 0, 0
+    begin, end = max(first_row, shown[0] - top) * columns, min(end_row, shown[1] - 1 - top) * columns
+    if begin >= end:
         return 0, 0
     level, other_level = 0, 0
     if stack.blurred is not None:
@@ -216,6 +236,9 @@ def fill_costs(cost, stack, work, images, masks, first):
         m = first + i
         for p in range(masks.shape[1]):
             work.mask[p] = np.float32(masks[m, p])
+        _fill_bounds(work.bounds[0], masks[m], stack.values.shape[2])
+        for j in range(stack.first[m], stack.first[m + 1]):
+            _fill_bounds(work.bounds[j - stack.first[m] + 1], masks[stack.other[j]], stack.values.shape[2])
         work.normalisation[0], work.normalisation[1] = _normalisation(images[m, 0], work.mask)
         for k in range(stack.disparities.size):
             _fill_plane(work, stack, images, masks, m, stack.disparities[k])

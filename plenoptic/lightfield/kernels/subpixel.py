@@ -40,55 +40,66 @@ def _reach(stack, disparity):
 
 
 @device
-def _image_displacement(stack, m, j, pixel, d):
-    """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d."""
-    (y, x), other, per_pitch = pixel, stack.other[j], d / stack.pitch
-    row, column = y + stack.base[j, 0] - d * stack.step[j, 0], x + stack.base[j, 1] - d * stack.step[j, 1]
-    central, values = stack.residual_displacement[m, y, x], stack.residual_displacement[other]
-    more_down, more_right, by_down, by_right = 0.0, 0.0, 0.0, 0.0
-    # The displacement is that at the displaced position.
-    for _ in range(_ITERATIONS):
-        down, right = row + more_down, column + more_right
-        r, c = math.floor(down + 0.5), math.floor(right + 0.5)
-        if not (0 <= r < stack.values.shape[1] and 0 <= c < stack.values.shape[2]):
-            return math.nan, math.nan, math.nan, math.nan
-        down, right = down - r, right - c
-        by_down = _between(values, r, c, down, right, 1, 0) - central[1, 0]
-        by_right = _between(values, r, c, down, right, 1, 1) - central[1, 1]
-        more_down = _between(values, r, c, down, right, 0, 0) - central[0, 0] + per_pitch * by_down
-        more_right = _between(values, r, c, down, right, 0, 1) - central[0, 1] + per_pitch * by_right
-        if math.isnan(more_down):
-            break
+def _image_displacement(stack, shape, moved, m, j, pixel, d):
+    """Displacement of a point's image relative to the pinhole model: rows, columns, and their derivatives by d.
+
+    `moved` has an estimate of the displacement in image j, and gets the result: the displacement is that at the
+    displaced position.
+    """
+    (rows, columns), (y, x), per_pitch = shape, pixel, d / stack.pitch
+    central, values = stack.residual_displacement[m, y * columns + x], stack.residual_displacement[stack.other[j]]
+    down = y + stack.base[j, 0] - d * stack.step[j, 0] + moved[0]
+    right = x + stack.base[j, 1] - d * stack.step[j, 1] + moved[1]
+    r, c = math.floor(down + 0.5), math.floor(right + 0.5)
+    # Pixels on the border have no displacement.
+    if not (1 <= r < rows - 1 and 1 <= c < columns - 1):
+        moved[0], moved[1] = 0.0, 0.0
+        return math.nan, math.nan, math.nan, math.nan
+    down, right = down - r, right - c
+    nearest = np.uint64(r * columns + c)
+    next_row = np.uint64(nearest + columns if down > 0.0 else nearest - columns)
+    next_column = np.uint64(nearest + 1 if right > 0.0 else nearest - 1)
+    a, b, c = values[nearest], values[next_row], values[next_column]
+    down, right = abs(down), abs(right)
+    by_down = _between(a[2], b[2], c[2], down, right) - central[2]
+    by_right = _between(a[3], b[3], c[3], down, right) - central[3]
+    more_down = _between(a[0], b[0], c[0], down, right) - central[0] + per_pitch * by_down
+    more_right = _between(a[1], b[1], c[1], down, right) - central[1] + per_pitch * by_right
+    known = more_down == more_down
+    moved[0], moved[1] = more_down if known else 0.0, more_right if known else 0.0
     return more_down, more_right, by_down / stack.pitch, by_right / stack.pitch
 
 
 @device
-def _model_disparity(stack, m, pixel, d):
-    """Disparity of the pinhole model of a pixel whose images lie where those of disparity d do without displacement."""
-    along, length, n_compared = 0.0, 0.0, 0
-    for j in range(stack.first[m], stack.first[m + 1]):
+def _between(value, next_row, next_column, down, right):
+    """A value between pixels, linear in rows and columns; that of the nearest pixel where others have none."""
+    step_down, step_right = down * (next_row - value), right * (next_column - value)
+    return value + (step_down if step_down == step_down else 0.0) + (step_right if step_right == step_right else 0.0)
+
+
+@device
+def _model_disparity(stack, shape, moved, m, pixel, d):
+    """Disparity of the pinhole model of a pixel whose images lie where those of disparity d do without displacement.
+
+    `moved` (images, 2) gets the displacements.
+    """
+    along, length, n_compared, first = 0.0, 0.0, 0, stack.first[m]
+    moved[:] = 0.0
+    for j in range(first, stack.first[m + 1]):
         down, right = stack.step[j, 0], stack.step[j, 1]
         squares = down * down + right * right
         if d * d * squares > stack.max_shift * stack.max_shift or n_compared == stack.max_compared:
             continue
         n_compared += 1
-        more_down, more_right, _, _ = _image_displacement(stack, m, j, pixel, d)
+        more_down, more_right = 0.0, 0.0
+        for _ in range(_ITERATIONS):
+            more_down, more_right, _, _ = _image_displacement(stack, shape, moved[j - first], m, j, pixel, d)
+            if math.isnan(more_down):
+                break
         if not math.isnan(more_down):
             along += more_down * down + more_right * right
             length += squares
     return d + along / length if length > 0.0 else d
-
-
-@device
-def _between(displacement, r, c, down, right, i, k):
-    """A coefficient between pixels, linear in rows and columns; that of the nearest pixel where others have none."""
-    rows, columns = displacement.shape[:2]
-    value, step_down, step_right = displacement[r, c, i, k], 0.0, 0.0
-    if down != 0.0 and 0 <= r + (1 if down > 0.0 else -1) < rows:
-        step_down = abs(down) * (displacement[r + (1 if down > 0.0 else -1), c, i, k] - value)
-    if right != 0.0 and 0 <= c + (1 if right > 0.0 else -1) < columns:
-        step_right = abs(right) * (displacement[r, c + (1 if right > 0.0 else -1), i, k] - value)
-    return value + (step_down if step_down == step_down else 0.0) + (step_right if step_right == step_right else 0.0)
 
 
 @device
@@ -102,98 +113,163 @@ def _to_float32(weights):
 
 
 @device
-def _fill_along(along, values, first_row, first_column, weights, derivatives):
-    """Interpolate along the rows of an image: values and derivatives (2, rows, columns) from a pixel on."""
-    (a, b, c, d), (e, f, g, h) = weights, derivatives
-    for i in range(max(0, -first_row), min(along.shape[1], values.shape[0] - first_row)):
-        for k in range(max(0, 1 - first_column), min(along.shape[2], values.shape[1] - 2 - first_column)):
-            row, column = first_row + i, first_column + k
-            left, middle = values[row, column - 1], values[row, column]
-            right, last = values[row, column + 1], values[row, column + 2]
-            along[0, i, k] = a * left + b * middle + c * right + d * last
-            along[1, i, k] = e * left + f * middle + g * right + h * last
+def _fill_own_window(own, stack, start, m, y, x):
+    """1 for the pixels (w, w) of the window that are valid and show the surface of the central one, else 0."""
+    radius, swept, mask = stack.window_radius, start[y, x], stack.mask[m]
+    tolerance = _SAME_SURFACE * _reach(stack, swept)
+    for i in range(own.shape[0]):
+        for k in range(own.shape[1]):
+            yy, xx = y - radius + i, x - radius + k
+            own[i, k] = mask[yy * start.shape[1] + xx] and abs(start[yy, xx] - swept) <= tolerance
+
+
+@device
+def _fill_valid(valid, count, along, mask, columns, width):
+    """1 for pixels followed by three valid ones on the right and below, and the number of these in each window.
+
+    A window of width x width pixels begins at a pixel of the count, which may be too large at the ends of rows.
+    """
+    below, right, size = mask[columns:], mask[1:], mask.size - columns - 1
+    diagonal = below[1:]
+    for i in range(size):
+        valid[i] = mask[i] & right[i] & below[i] & diagonal[i]
+    along[:], count[:] = 0, 0
+    for k in range(width):
+        shifted = valid[k:]
+        for i in range(mask.size):
+            along[i] += shifted[i]
+    for k in range(width):
+        shifted = along[k * columns :]
+        for i in range(mask.size):
+            count[i] += shifted[i]
+
+
+@device
+def _fill_slots(work, valid, row, column, shape):
+    """Fill `slots` by the places in the window of the pixels valid in both images; return their number.
+
+    The window begins at a row and a column of the other image, of this shape.
+    """
+    (rows, columns), width, n = shape, work.own.shape[0], 0
+    first, end = max(0, 1 - column), min(width, columns - 2 - column)
+    for i in range(max(0, 1 - row), min(width, rows - 2 - row)):
+        own, other = work.own[i, first:end], valid[(row + i) * columns + column + first :]
+        for k in range(own.size):
+            work.slots[n] = i * (width + 3) + first + k
+            work.places[n] = i * columns + first + k
+            n += own[k] & other[k]
+    return n
+
+
+@device
+def _fill_patch(patch, values, row, column, side, shape):
+    """Copy the values (side, side) of an image (rows columns,) from a row and a column on, row after row."""
+    rows, columns = shape
+    first, end = max(0, -column), min(side, columns - column)
+    for i in range(max(0, -row), min(side, rows - row)):
+        out, line = patch[i * side + first : i * side + end], values[(row + i) * columns + column + first :]
+        for k in range(out.size):
+            out[k] = line[k]
+
+
+@device
+def _fill_weighted(out, values, spacing, weights):
+    """Weighted sum of four values at a spacing, the first of which is values[i]."""
+    a, b, c, d = weights
+    first, second, third, fourth = values, values[spacing:], values[2 * spacing :], values[3 * spacing :]
+    for i in range(out.size):
+        out[i] = a * first[i] + b * second[i] + c * third[i] + d * fourth[i]
+
+
+@device
+def _fill_slopes(slope, along, by_column, spacing, weights, derivatives, step):
+    """Derivatives by disparity from values and derivatives along rows, for a step (rows, columns) of disparity."""
+    (a, b, c, d), (e, f, g, h), (down, right) = weights, derivatives, step
+    first, second, third, fourth = along, along[spacing:], along[2 * spacing :], along[3 * spacing :]
+    one, two, three, four = by_column, by_column[spacing:], by_column[2 * spacing :], by_column[3 * spacing :]
+    for i in range(slope.size):
+        by_row = e * first[i] + f * second[i] + g * third[i] + h * fourth[i]
+        across = a * one[i] + b * two[i] + c * three[i] + d * four[i]
+        slope[i] = -(down * by_row + right * across)
 
 
 @device
 def _window(stack, start, work, m, j, pixel, d):
     """Comparison of a window with another image: (count, correlation, sum of residual slope, slope^2, residual^2).
 
-    Gain and offset of the other image are fitted. `slopes` gets the slopes minus their mean; nan for invalid pixels.
+    Gain and offset of the other image are fitted. `work.residuals` gets the slopes minus their mean, of the slots.
     """
-    (slopes, along), radius = work, stack.window_radius
-    rows, columns = stack.values.shape[1], stack.values.shape[2]
-    (y, x), other = pixel, stack.other[j]
+    radius, (y, x), other = stack.window_radius, pixel, stack.other[j]
     sy, sx = stack.step[j, 0], stack.step[j, 1]
     down, right = stack.base[j, 0] - d * sy, stack.base[j, 1] - d * sx
     if stack.residual_displacement is not None:
-        more_down, more_right, by_down, by_right = _image_displacement(stack, m, j, pixel, d)
+        more_down, more_right, by_down, by_right = _image_displacement(
+            stack, start.shape, work.moved[j - stack.first[m]], m, j, pixel, d
+        )
         if math.isnan(more_down):
-            return 0.0, 0.0, 0.0, 0.0, 0.0
+            return 0, 0.0, 0.0, 0.0, 0.0
         down, right, sy, sx = down + more_down, right + more_right, sy - by_down, sx - by_right
     top, left = math.floor(down), math.floor(right)
-    window_values, values, other_mask = stack.values[m], stack.values[other], stack.mask[other]
+    row, column = y - radius + int(top), x - radius + int(left)
+    width = 2 * radius + 1
+    side = width + 3
+    columns, k, least = start.shape[1], j - stack.first[m], _MIN_VALID * width * width
+    corner = row * columns + column
+    if corner >= start.size or (corner >= 0 and work.n_valid[k, corner] < least):
+        return 0, 0.0, 0.0, 0.0, 0.0
+    n = _fill_slots(work, work.valid[k], row, column, start.shape)
+    if n < least:
+        return 0, 0.0, 0.0, 0.0, 0.0
+    window_values, values = stack.values[m], stack.values[other]
     if stack.coefficients is not None:
         values = stack.coefficients[other]
-        (a0, a1, a2, a3), (e0, e1, e2, e3) = spline_weights(down - top)
+        row_weights, row_derivatives = spline_weights(down - top)
         weights, derivatives = spline_weights(right - left)
         noise_products = spline_noise
     else:
-        (a0, a1, a2, a3), (e0, e1, e2, e3) = cubic_weights(down - top)
+        row_weights, row_derivatives = cubic_weights(down - top)
         weights, derivatives = cubic_weights(right - left)
         noise_products = _dot
-    top, left = int(top), int(left)
     # Covariance of the interpolated noise with that of the slope.
     covariance = -stack.noise_variance[other] * (
-        sy * noise_products(weights, weights) * noise_products((a0, a1, a2, a3), (e0, e1, e2, e3))
-        + sx * noise_products((a0, a1, a2, a3), (a0, a1, a2, a3)) * noise_products(weights, derivatives)
+        sy * noise_products(weights, weights) * noise_products(row_weights, row_derivatives)
+        + sx * noise_products(row_weights, row_weights) * noise_products(weights, derivatives)
     )
-    n, p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if stack.blurred is not None:
         level, other_level = blur_levels(stack, m, other, d)
         window_values, values = stack.blurred[m, level], stack.blurred[other, other_level]
         if other_level > 0:
             covariance = 0.0  # blurred noise is as smooth halfway between pixels
-    (a0, a1, a2, a3), (e0, e1, e2, e3) = _to_float32((a0, a1, a2, a3)), _to_float32((e0, e1, e2, e3))
-    place = y - radius + top - 1, x - radius + left
-    _fill_along(along, values, place[0], place[1], _to_float32(weights), _to_float32(derivatives))
-    sy, sx = np.float32(sy), np.float32(sx)
-    tolerance, noise, slot = _SAME_SURFACE * _reach(stack, start[y, x]), stack.noise_variance[m], 0
-    for yy in range(y - radius, y + radius + 1):
-        for xx in range(x - radius, x + radius + 1):
-            slopes[0, slot] = math.nan
-            slot += 1
-            r, c = yy + top, xx + left
-            if not (1 <= r < rows - 2 and 1 <= c < columns - 2 and 0 <= yy < rows and 0 <= xx < columns):
-                continue
-            valid = other_mask[r, c] & other_mask[r, c + 1] & other_mask[r + 1, c] & other_mask[r + 1, c + 1]
-            if not (stack.mask[m, yy, xx] & valid and abs(start[yy, xx] - start[y, x]) <= tolerance):
-                continue
-            i, k = yy - y + radius, xx - x + radius
-            b0, b1, b2, b3 = along[0, i, k], along[0, i + 1, k], along[0, i + 2, k], along[0, i + 3, k]
-            v, vy = a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3, e0 * b0 + e1 * b1 + e2 * b2 + e3 * b3
-            vx = a0 * along[1, i, k] + a1 * along[1, i + 1, k] + a2 * along[1, i + 2, k] + a3 * along[1, i + 3, k]
-            value, slope, v = float(window_values[yy, xx]), -float(sy * vy + sx * vx), float(v)
-            slopes[0, slot - 1], slopes[1, slot - 1] = slope, v
-            n += 1.0
-            p += value
-            q += v
-            s += slope
-            pp += value * value
-            qq += v * v
-            pq += value * v
-            ps += value * slope
-            qs += v * slope
-            ss += slope * slope
-    if n < _MIN_VALID * slot:
-        return 0.0, 0.0, 0.0, 0.0, 0.0
+    patch, along, by_column = work.patch, work.along, work.by_column
+    v, slope, slots = work.values, work.slopes, work.slots
+    row_weights, row_derivatives = _to_float32(row_weights), _to_float32(row_derivatives)
+    _fill_patch(patch, values, row - 1, column - 1, side, start.shape)
+    _fill_weighted(along, patch, 1, _to_float32(weights))
+    _fill_weighted(by_column, patch, 1, _to_float32(derivatives))
+    _fill_weighted(v, along, side, row_weights)
+    _fill_slopes(slope, along, by_column, side, row_weights, row_derivatives, (np.float32(sy), np.float32(sx)))
+    p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    window = window_values[(y - radius) * start.shape[1] + x - radius :]
+    for k in range(n):
+        slot = slots[k]
+        a, b, c = window[work.places[k]], v[slot], slope[slot]
+        p += a
+        q += b
+        s += c
+        pp += a * a
+        qq += b * b
+        pq += a * b
+        ps += a * c
+        qs += b * c
+        ss += c * c
     pp, qq, pq = pp - p * p / n, qq - q * q / n, pq - p * q / n
     ps, qs, ss = ps - p * s / n, qs - q * s / n, ss - s * s / n
-    correlation = pq / math.sqrt((pp + n * noise) * (qq + n * stack.noise_variance[other]))
+    correlation = pq / math.sqrt((pp + n * stack.noise_variance[m]) * (qq + n * stack.noise_variance[other]))
     gain = pq / qq if qq > 0.0 and pq > 0.0 else 0.0
     # A change of gain that has the same effect as a shift leaves no information on the shift.
     common = qs / qq if qq > 0.0 else 0.0
-    for i in range(slot):
-        slopes[0, i] = gain * (slopes[0, i] - s / n - common * (slopes[1, i] - q / n))
+    for k in range(n):
+        work.residuals[k] = gain * (slope[slots[k]] - s / n - common * (v[slots[k]] - q / n))
     # Interpolation blurs noise most halfway between pixels, which attracts the fit: its share is taken off.
     gradient = gain * (ps - gain * (qs - n * covariance))
     stiffness = gain * gain * max(ss - common * qs, 0.0)
@@ -203,11 +279,11 @@ def _window(stack, start, work, m, j, pixel, d):
 @device
 def _refine(stack, start, work, m, y, x):
     """Disparity of least residuals near the best plane, its standard error, and the fraction of agreeing images."""
-    slopes, error, agreement = work[0], math.inf, 0.0
-    slope_sums = slopes[2]
+    slope_sums, error, agreement = work.slope_sums, math.inf, 0.0
+    _fill_own_window(work.own, stack, start, m, y, x)
     swept, reach = start[y, x], _reach(stack, start[y, x])
     if stack.residual_displacement is not None:
-        swept = _model_disparity(stack, m, (y, x), swept)
+        swept = _model_disparity(stack, start.shape, work.moved, m, (y, x), swept)
     d = swept
     for _ in range(_STEPS):
         gradient_sum, stiffness, residual_sum, weight_sum, slope_variance, scatter = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -220,8 +296,8 @@ def _refine(stack, start, work, m, y, x):
                 continue
             n_compared += 1
             n, correlation, residual, slope_squares, residual_squares = _window(stack, start, work, m, j, (y, x), d)
-            n_valid += n > 0.0
-            if n == 0.0 or correlation <= _MIN_CORRELATION:
+            n_valid += n > 0
+            if n == 0 or correlation <= _MIN_CORRELATION:
                 continue
             n_agreeing += 1
             w = correlation - _MIN_CORRELATION
@@ -231,9 +307,8 @@ def _refine(stack, start, work, m, y, x):
             residual_sum += w * residual_squares
             weight_sum += w * n
             slope_variance += w * w * slope_squares
-            for i in range(slope_sums.size):
-                if slopes[0, i] == slopes[0, i]:
-                    slope_sums[i] += w * slopes[0, i]
+            for k in range(n):
+                slope_sums[work.slots[k]] += w * work.residuals[k]
         agreement = n_agreeing / max(n_valid, 1)
         if not stiffness > 0.0:
             break
@@ -257,15 +332,20 @@ def _refine(stack, start, work, m, y, x):
 
 @kernel
 def fill_subpixel(matches, start, stack, work, first):
-    """Fill `matches` of the images from `first` on, near disparities `start` (images, rows, columns).
+    """Fill `matches` of the images from `first` on, near disparities `start` (n, rows, columns).
 
-    `work` are arrays (3, w w) and (2, w + 3, w) for windows of w x w pixels.
+    Pixels of the stack's images follow each other row after row, in one axis.
     """
-    images, rows, columns = start.shape
-    for i in range(images):
+    count, rows, columns = start.shape
+    for i in range(count):
+        for j in range(stack.first[first + i], stack.first[first + i + 1]):
+            k = j - stack.first[first + i]
+            _fill_valid(
+                work.valid[k], work.n_valid[k], work.valid_along, stack.mask[stack.other[j]], columns, work.own.shape[0]
+            )
         for y in range(rows):
             for x in range(columns):
-                if stack.mask[first + i, y, x]:
+                if stack.mask[first + i, y * columns + x]:
                     matches.disparity[i, y, x], matches.standard_error[i, y, x], matches.confidence[i, y, x] = _refine(
                         stack, start[i], work, first + i, y, x
                     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ class ImageStack(NamedTuple):
     their pixels; None: it interpolates by cubic convolution."""
     pitch: float = 1.0
     """Pitch of the microlenses."""
-    residual_displacement: Floats | None = None
+    residual_displacement: NDArray[np.float32] | None = None
     """(k, rows, columns, 2, 2): displacement from the pinhole model in rows and columns, as coefficients of 1 and of
     disparity / pitch; nan where unknown. None: no displacement."""
     blurred: NDArray[np.float32] | None = None
@@ -96,6 +96,27 @@ def with_margin(stack: ImageStack, margin: int) -> ImageStack:
         coefficients=None if coefficients is None else np.pad(coefficients, edges),
         residual_displacement=displacement,
     )
+
+
+def flat(stack: ImageStack) -> ImageStack:
+    """The stack with images whose pixels follow each other row after row, in one axis."""
+    count, size = len(stack.values), stack.values[0].size
+
+    def pixels(array: NDArray[Any] | None, shape: tuple[int, ...]) -> NDArray[Any] | None:
+        return None if array is None else array.reshape(count, *shape)
+
+    return stack._replace(
+        values=stack.values.reshape(count, size),
+        mask=stack.mask.reshape(count, size),
+        coefficients=pixels(stack.coefficients, (size,)),
+        residual_displacement=pixels(stack.residual_displacement, (size, 4)),
+        blurred=pixels(stack.blurred, (-1, size)),
+    )
+
+
+def max_neighbours(stack: ImageStack) -> int:
+    """Largest number of images that one is matched with."""
+    return int(np.diff(stack.first).max(initial=0))
 
 
 def noise_variance(values: Floats, variance: Floats, mask: NDArray[np.bool_]) -> Floats:

@@ -157,7 +157,7 @@ def _mask_and_displace(
     pixel = np.column_stack([micro.row, micro.column]) + np.array(raw.first)
     passed, displacement = trace_displacement(model, pixel, micro.on_array[lens], micro.type[lens])
     throughput, light = (np.zeros(stack.mask.shape) for _ in range(2))
-    coefficients = np.full((*stack.mask.shape, 2, 2), np.nan)
+    coefficients = np.full((*stack.mask.shape, 2, 2), np.nan, np.float32)
     throughput[micro.lit], light[micro.lit] = passed, raw.white[micro.row, micro.column].mean(axis=1)
     coefficients[micro.lit] = displacement
     lit = stack.mask > 0
