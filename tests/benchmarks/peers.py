@@ -139,7 +139,8 @@ class Shown:
         ours = self.references[0]
         for theirs in self.references[1:]:
             error = np.hypot(ours.standard_error, theirs.standard_error)
-            z = ((theirs.image - ours.image) / error)[self.lit & (error > 0)]
+            chosen = self.lit & (error > 0)
+            z = (theirs.image - ours.image)[chosen] / error[chosen]
             of_mean = 100 * np.sqrt(np.mean(error**2) / PIXELS) / ours.image.mean()
             mean = 100 * (theirs.image.mean() / ours.image.mean() - 1)
             yield self.name, float(mean), float(of_mean), float(np.sqrt(np.mean(z**2)))
