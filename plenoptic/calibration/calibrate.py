@@ -9,21 +9,21 @@ import numpy as np
 
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
 from plenoptic.calibration.fitting.checks import (
-    check_determined,
     check_focal_length,
+    check_focal_length_error,
     check_observations,
     check_poses,
     check_residuals,
 )
 from plenoptic.calibration.fitting.covariance import clustered_covariance, information, inverse, pupil_sensitivity
-from plenoptic.calibration.fitting.geometry import COUNT, Parameter, rotated
-from plenoptic.calibration.fitting.halves import Half, fit_halves
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, rotate_points
+from plenoptic.calibration.fitting.halves import HalfFit, fit_halves
 from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
 from plenoptic.calibration.fitting.start_values import start_state
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.twin import Layout, object_origin, twin_camera
+from plenoptic.calibration.twin import FixedParts, object_origin, twin_camera
 from plenoptic.core.values import Floats, check_kind, choice, finite, number
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import lattice_basis
@@ -40,11 +40,11 @@ _MIN_HELD_OUT = 6
 _SIGNIFICANT = 2.0
 
 
-class _Fit(NamedTuple):
+class _ModelFit(NamedTuple):
     problem: Problem
     state: State
     at: Evaluation
-    halves: tuple[Half, Half] | None
+    halves: tuple[HalfFit, HalfFit] | None
 
 
 def calibrate(
@@ -129,13 +129,13 @@ def calibrate(
     problem, state, _ = fit(problem, state)
     check_poses(state.poses)
     check_residuals(problem)
-    best = _fitted(problem, state)
+    best = _fit_with_halves(problem, state)
     tests: list[HeldOut] = []
     if sigma > 0:
-        best, tests = _extended("free board", best, best.problem._replace(board_sigma=sigma), tests)
-    best, tests = _extended("stretch of the array", best, _with(best.problem, P.STRETCH), tests)
+        best, tests = _extend("free board", best, best.problem._replace(board_sigma=sigma), tests)
+    best, tests = _extend("stretch of the array", best, _with(best.problem, P.STRETCH), tests)
     check_focal_length(best.state, start.focal_length)
-    _, tests = _extended("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
+    _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
     return _result(observations, start, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
 
 
@@ -159,20 +159,20 @@ def _with(problem: Problem, parameter: Parameter) -> Problem:
     return problem._replace(free=problem.free | (np.arange(COUNT) == parameter))
 
 
-def _fitted(problem: Problem, state: State) -> _Fit:
+def _fit_with_halves(problem: Problem, state: State) -> _ModelFit:
     fitted = fit(problem, state)
     enough = problem.frames >= _MIN_HELD_OUT
-    return _Fit(*fitted, fit_halves(*fitted[:2]) if enough else None)
+    return _ModelFit(*fitted, fit_halves(*fitted[:2]) if enough else None)
 
 
-def _extended(name: str, best: _Fit, larger: Problem, tests: list[HeldOut]) -> tuple[_Fit, list[HeldOut]]:
+def _extend(name: str, best: _ModelFit, larger: Problem, tests: list[HeldOut]) -> tuple[_ModelFit, list[HeldOut]]:
     """The fit of a larger problem if frames that are left out ask for it, and the tests with this one.
 
     Without enough frames to leave out, points of the board are fitted, whose prior holds them, and nothing else.
     """
     if best.halves is None:
-        return (_fitted(larger, best.state) if larger.board_sigma > best.problem.board_sigma else best), tests
-    trial = _fitted(larger, best.state)
+        return (_fit_with_halves(larger, best.state) if larger.board_sigma > best.problem.board_sigma else best), tests
+    trial = _fit_with_halves(larger, best.state)
     assert trial.halves is not None
     # Logarithms, so that no frame outweighs the others.
     gain = np.concatenate([np.log(a.held_out / b.held_out) for a, b in zip(best.halves, trial.halves, strict=True)])
@@ -182,14 +182,18 @@ def _extended(name: str, best: _Fit, larger: Problem, tests: list[HeldOut]) -> t
     return trial if accepted else best, [*tests, test]
 
 
-def _rms(halves: tuple[Half, Half]) -> tuple[float, float]:
+def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
     """Root mean square of a coordinate of the corners left out of either half, in pixels."""
     first, second = (float(np.sqrt(np.average(each.held_out, weights=each.corners))) for each in halves)
     return first, second
 
 
 def _result(
-    observations: Observations, start: NominalCamera, best: _Fit, tests: tuple[HeldOut, ...], pupil_precision: float
+    observations: Observations,
+    start: NominalCamera,
+    best: _ModelFit,
+    tests: tuple[HeldOut, ...],
+    pupil_precision: float,
 ) -> Calibration:
     problem, state, at = best.problem, best.state, best.at
     spread, n_free = clustered_covariance(problem, at), problem.n_free
@@ -200,7 +204,7 @@ def _result(
         change[problem.free] = pupil_sensitivity(problem, state, at)[:n_free]
         change[P.EXIT_PUPIL] = 1.0
         change /= np.sqrt(pupil_precision)
-    check_determined(state.parameters, np.sqrt(np.diag(covariance)))
+    check_focal_length_error(state.parameters, np.sqrt(np.diag(covariance)))
     errors = np.zeros(problem.board.shape)
     if problem.board_sigma > 0:
         errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)
@@ -221,42 +225,42 @@ def _result(
         centre_residual=at.centres * problem.sigma[1],
         held_out=tests,
         layout=layout,
-        aided=_aided(problem, at, covariance),
+        error_table=_error_table(problem, at, covariance),
     )
 
 
-def _layout(observations: Observations, start: NominalCamera, problem: Problem, state: State) -> Layout:
+def _layout(observations: Observations, start: NominalCamera, problem: Problem, state: State) -> FixedParts:
     """Parts of the camera that are not fitted together."""
     f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
-    arms = rotated(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
+    arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
     depth = -(arms + state.poses.shift[problem.frame])[:, 2]
     vergence = 1.0 / (array - f * depth / (depth - f))
     focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
     index = observations.centre_index
     first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
-    return Layout(observations.sensor, observations.lattice, start.f_number, focus, pivot, first, last)
+    return FixedParts(observations.sensor, observations.lattice, start.f_number, focus, pivot, first, last)
 
 
-def _aided(problem: Problem, at: Evaluation, covariance: Floats) -> tuple[tuple[str, float, float, float], ...]:
+def _error_table(problem: Problem, at: Evaluation, covariance: Floats) -> tuple[tuple[str, float, float, float], ...]:
     """Standard errors of focal length and distances with more known, by the information of the observations."""
     matrix, n_free = information(problem, at), problem.n_free
     poses = np.arange(n_free, n_free + 6 * problem.frames)
     board = np.arange(n_free + 6 * problem.frames, problem.unknowns)
     f = np.array([int(problem.free[: P.FOCAL_LENGTH].sum())])
-    known = {
+    fixed_parts = {
         "these observations": np.zeros(0, np.int64), "board measured": board,
         "board on a stage, poses known": poses, "focal length known": f,
     }  # fmt: skip
-    wanted = [P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]
+    parameters = [P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]
     # Errors of these observations are those of the clustered residuals; others are in proportion.
-    stated, rows = np.sqrt(np.diag(covariance))[wanted], []
+    stated, rows = np.sqrt(np.diag(covariance))[parameters], []
     base = None
-    for name, fixed in known.items():
-        rest = np.setdiff1d(np.arange(problem.unknowns), fixed)
+    for name, fixed in fixed_parts.items():
+        fitted = np.setdiff1d(np.arange(problem.unknowns), fixed)
         variance = np.zeros(problem.unknowns)
-        variance[rest] = np.diag(inverse(matrix[np.ix_(rest, rest)]))
+        variance[fitted] = np.diag(inverse(matrix[np.ix_(fitted, fitted)]))
         full = np.zeros(COUNT)
         full[problem.free] = np.sqrt(np.maximum(variance[:n_free], 0.0))
-        base = full[wanted] if base is None else base
-        rows.append((name, *(stated * full[wanted] / base).tolist()))
+        base = full[parameters] if base is None else base
+        rows.append((name, *(stated * full[parameters] / base).tolist()))
     return tuple(rows)

@@ -9,7 +9,7 @@ import numpy as np
 
 from plenoptic.calibration.fitting.covariance import ErrorCluster
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter
-from plenoptic.calibration.twin import Layout, twin_camera
+from plenoptic.calibration.twin import FixedParts, twin_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, choice, number, result, seed_number, whole
 from plenoptic.errors import InvalidValueError
@@ -95,8 +95,8 @@ class Calibration:
     corner_residual: Floats
     centre_residual: Floats
     held_out: tuple[HeldOut, ...]
-    layout: Layout = dataclasses.field(repr=False)
-    aided: tuple[tuple[str, float, float, float], ...] = dataclasses.field(repr=False)
+    layout: FixedParts = dataclasses.field(repr=False)
+    error_table: tuple[tuple[str, float, float, float], ...] = dataclasses.field(repr=False)
     """Standard errors of focal length and distances if something more were known."""
 
     def __getitem__(self, parameter: Parameter) -> float:
@@ -115,11 +115,12 @@ class Calibration:
         """
         from statistics import NormalDist
 
-        share = number(level, "level")
-        if not 0 < share < 1:
+        probability = number(level, "level")
+        if not 0 < probability < 1:
             raise InvalidValueError(f"level is {level!r}; it must be between 0 and 1, such as 0.95")
         k = choice(parameter, Parameter, "parameter")
-        half = NormalDist().inv_cdf(0.5 + 0.5 * share) * math.hypot(self.standard_error(k), float(self.model_change[k]))
+        quantile = NormalDist().inv_cdf(0.5 + 0.5 * probability)
+        half = quantile * math.hypot(self.standard_error(k), float(self.model_change[k]))
         return self[k] - half, self[k] + half
 
     def points(self, frame: int) -> Floats:
@@ -140,22 +141,22 @@ class Calibration:
     @property
     def valleys(self) -> tuple[str, ...]:
         """Groups of parameters whose sum or difference alone is determined well, in words."""
-        correlation, _ = _scaled(self.covariance)
+        correlation, _ = _correlation(self.covariance)
         joined = np.linalg.matrix_power((np.abs(correlation) > _VALLEY).astype(np.int64), COUNT) > 0
         sentences = []
         for first in range(COUNT):
             group = np.flatnonzero(joined[first])
             if len(group) > 1 and group[0] == first:
-                least = np.abs(correlation[first, group[1:]]).max()
+                strongest = np.abs(correlation[first, group[1:]]).max()
                 names = " and ".join(P(k).name for k in group.tolist())
-                sentences.append(f"{names} move together: correlation {least:.4f}")
+                sentences.append(f"{names} move together: correlation {strongest:.4f}")
         return tuple(sentences)
 
     @property
     def advice(self) -> str:
         """Table of the errors of focal length and distances if more were known: the board, its poses, or f."""
         lines = [f"{'':<34}{'f, mm':>10}{'lens-array':>12}{'array-sensor':>14}"]
-        lines += [f"{name:<34}{f:>10.2g}{far:>12.2g}{near:>14.2g}" for name, f, far, near in self.aided]
+        lines += [f"{name:<34}{f:>10.2g}{far:>12.2g}{near:>14.2g}" for name, f, far, near in self.error_table]
         return "\n".join(lines)
 
     def sample(self, n: int, seed: int = 0) -> tuple[PlenopticCamera, ...]:
@@ -172,7 +173,7 @@ class Calibration:
         See `calibrate`.
         """
         rng, count = np.random.default_rng(seed_number(seed)), whole(n, "n", at_least=1)
-        ratio, scale = _scaled(self.covariance)
+        ratio, scale = _correlation(self.covariance)
         eigenvalues, axes = np.linalg.eigh(ratio)
         normal = rng.standard_normal((count, COUNT + 1))
         draws = normal[:, :COUNT] * np.sqrt(np.maximum(eigenvalues, 0.0)) @ axes.T * scale
@@ -193,7 +194,7 @@ class Calibration:
         return "\n".join(lines)
 
 
-def _scaled(matrix: Floats) -> tuple[Floats, Floats]:
+def _correlation(matrix: Floats) -> tuple[Floats, Floats]:
     """Symmetric matrix with a diagonal of 1, where it is not 0, and the square roots of the diagonal."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)

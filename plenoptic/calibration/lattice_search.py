@@ -67,14 +67,14 @@ def _peaks(image: Floats) -> tuple[Floats, Floats]:
         image = (np.roll(image, 1, axis) + image + np.roll(image, -1, axis)) / 3.0
     middle = image[2:-2, 2:-2]
     rows, columns = image.shape
-    around = [image[2 + i : i + rows - 2, 2 + j : j + columns - 2] for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    is_peak = middle >= np.max(around, axis=0)
+    neighbours = [image[2 + i : i + rows - 2, 2 + j : j + columns - 2] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    is_peak = middle >= np.max(neighbours, axis=0)
     is_peak[middle.shape[0] // 2, middle.shape[1] // 2] = False
     row, column = np.nonzero(is_peak)
     centre = middle[row, column]
     position = np.stack([row, column], axis=1).astype(np.float64) + 2.0
     for axis, (low, high) in enumerate(((1, 7), (3, 5))):
-        before, after = around[low][row, column], around[high][row, column]
+        before, after = neighbours[low][row, column], neighbours[high][row, column]
         bend = np.maximum(2.0 * centre - before - after, 1e-12)
         position[:, axis] += np.clip(0.5 * (after - before) / bend, -0.5, 0.5)
     return position, centre

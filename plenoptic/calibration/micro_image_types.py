@@ -36,9 +36,9 @@ def neighbour_differences(index: NDArray[np.int64], values: Floats) -> Floats:
     table = np.full((*(index.max(axis=0) - low + 3), values.shape[1]), np.nan)
     table[tuple((index - low).T)] = values - trend
     row, column = np.moveaxis(index[:, None] - low + _NEIGHBOURS, -1, 0)
-    around = table[row, column]
-    alone = np.isnan(around).all(axis=1, keepdims=True)
-    return np.asarray(values - trend - np.nanmedian(np.where(alone, 0.0, around), axis=1))
+    neighbours = table[row, column]
+    is_isolated = np.isnan(neighbours).all(axis=1, keepdims=True)
+    return np.asarray(values - trend - np.nanmedian(np.where(is_isolated, 0.0, neighbours), axis=1))
 
 
 def type_pattern(index: NDArray[np.int64], features: Floats) -> NDArray[np.int64]:

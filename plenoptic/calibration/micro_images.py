@@ -199,8 +199,8 @@ def _is_regular(
         low = index.min(axis=0) - 1
         defective = np.zeros(index.max(axis=0) - low + 2, dtype=bool)
         defective[tuple((index - low)[np.abs(light) > _DEFECT].T)] = True
-        around = (index - low)[:, None] + _around(1)
-        regular &= ~defective[around[..., 0], around[..., 1]].any(axis=1)
+        neighbours = (index - low)[:, None] + _around(1)
+        regular &= ~defective[neighbours[..., 0], neighbours[..., 1]].any(axis=1)
     return np.asarray(regular)
 
 

@@ -30,7 +30,7 @@ _THICKNESS = 0.05
 """Its thickness over its focal length."""
 
 
-class Layout(NamedTuple):
+class FixedParts(NamedTuple):
     """Parts of a camera that a calibration does not change."""
 
     sensor: Sensor
@@ -49,7 +49,7 @@ class Layout(NamedTuple):
         return lattice_basis(self.lattice, (1.0, 1.0))
 
 
-def twin_camera(parameters: Floats, layout: Layout) -> PlenopticCamera:
+def twin_camera(parameters: Floats, layout: FixedParts) -> PlenopticCamera:
     """Camera with the parameters of a calibration, which projects points as the calibration does.
 
     Its lens is THIN if the exit pupil lies in the rear principal plane, otherwise PARAXIAL; distortion is left out.
@@ -69,7 +69,7 @@ def twin_camera(parameters: Floats, layout: Layout) -> PlenopticCamera:
         stop_to_microlenses=cardinal_points(lens, 587.6).rear_principal + to_array,
         microlenses=MicrolensArray(
             pitch=pitch, focal_lengths=layout.focal_lengths, lattice=layout.lattice,
-            imperfections=_stretched(pitch * float(parameters[P.STRETCH]), layout),
+            imperfections=_stretch_deviations(pitch * float(parameters[P.STRETCH]), layout),
         ),
         microlenses_to_sensor=to_sensor,
         microlenses_placement=Placement(centre - [0.0, 0.0, to_array], rotation),
@@ -111,7 +111,7 @@ def substitute_lens(focal_length: float, f_number: float, exit_pupil: float) -> 
     return LensStack(elements, name=f"{model.name.lower()} lens of {focal_length:.2f} mm", model=model)
 
 
-def _stretched(shift: float, layout: Layout) -> MicrolensDeviations | None:
+def _stretch_deviations(shift: float, layout: FixedParts) -> MicrolensDeviations | None:
     """Displacements along the array's y axis by a length in mm for each pitch from the pivot; None for none."""
     if shift == 0:
         return None

@@ -121,6 +121,6 @@ def _noise_line(plane: Floats, step: int) -> tuple[float, float]:
     light = np.array([np.ravel(mean)[k].mean() for k in levels])
     variance = np.array([(np.median(np.ravel(detail)[k]) / _MEDIAN) ** 2 for k in levels])
     bright = light >= 0.5 * light[-1]
-    least = np.quantile(variance[bright], 0.25)
-    dark = min((float(np.quantile(np.ravel(detail)[levels[0]], 0.25)) / _QUARTILE) ** 2, float(least))
+    calm = np.quantile(variance[bright], 0.25)
+    dark = min((float(np.quantile(np.ravel(detail)[levels[0]], 0.25)) / _QUARTILE) ** 2, float(calm))
     return dark, float(np.quantile(((variance - dark) / np.maximum(light, 1e-300))[bright], 0.25) * light[-1])

@@ -186,7 +186,7 @@ def _displacement(
     position, slope, _ = rays_at_array(model.axes, model.array, pixel, on_array)
     starts = position, slope, np.zeros(len(pixel)) if deviation is None else deviation
     throughput, displacement = np.empty(len(pixel)), np.empty((len(pixel), 2, 2))
-    fill_displacement(throughput, displacement, (pixel, on_array), starts, points, lens, _traced(model))
+    fill_displacement(throughput, displacement, (pixel, on_array), starts, points, lens, _lens_records(model))
     return throughput, displacement
 
 
@@ -208,8 +208,8 @@ def chord_disparity(
 
     def fill(start: int) -> None:
         block = slice(start, start + _BLOCK)
-        own, projected = ([places[lens[block]] for places in each] for each in (centres, images))
-        chord[block] = _chord_disparity(model, pixel[block], own, projected, steps, per_pitch[block])
+        centre, projected = ([places[lens[block]] for places in each] for each in (centres, images))
+        chord[block] = _chord_disparity(model, pixel[block], centre, projected, steps, per_pitch[block])
 
     for _ in run_in_order(fill, range(0, len(pixel), _BLOCK), threads=model.threads):
         pass
@@ -261,15 +261,15 @@ def _chief_hits(
     # A plate displaces rays by their slopes, which depend on the displacement: iterate.
     for _ in range(2):
         front = refraction.shift_chief_rays(model.array, local, slope, axes.camera.wavelength, False)
-        known = 2.0 * local - front, centre, expected, per_pitch
-        fill_slopes_to_points(slope, known, per_pixel, model.unclipped, _traced(model))
+        target = 2.0 * local - front, centre, expected, per_pitch
+        fill_slopes_to_points(slope, target, per_pixel, model.unclipped, _lens_records(model))
         if front is local:
             break
     rear = refraction.shift_chief_rays(model.array, local, slope, axes.camera.wavelength, True)
     return np.asarray(sensor.pixel_of(axes.on_sensor(rear, slope)))
 
 
-def _traced(model: PinholeModel) -> tuple[Floats, Floats, Floats, Floats]:
+def _lens_records(model: PinholeModel) -> tuple[Floats, Floats, Floats, Floats]:
     """Frame of the array in the lens, positions and disparities (2,) of the planes, and their maps, for kernels."""
     z, disparity = np.array([(plane.z, plane.disparity_per_pitch) for plane in model.planes]).T.copy()
     to_lens = model.axes.parts.local_to_lens

@@ -6,7 +6,7 @@ import numpy as np
 
 import plenoptic as pl
 from plenoptic.calibration.fitting.geometry import project_centres, project_corners
-from plenoptic.calibration.twin import Layout
+from plenoptic.calibration.twin import FixedParts
 from plenoptic.core.motions.rotation import rotation_about
 
 GALILEAN, KEPLERIAN = (123.3, 1.7), (156.0, 1.9)
@@ -96,7 +96,7 @@ def parameters(**changes):
 
 def layout(values, lattice=pl.Lattice.HEXAGONAL, sensor=SENSOR):
     reach = int(0.8 * max(sensor.size) / values[P.PITCH])
-    return Layout(sensor, lattice, 4.0, (0.4,), (0, 0), (-reach, -reach), (reach, reach))
+    return FixedParts(sensor, lattice, 4.0, (0.4,), (0, 0), (-reach, -reach), (reach, reach))
 
 
 def simulated(

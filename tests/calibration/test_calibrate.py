@@ -175,7 +175,7 @@ def test_few_frames_are_fitted_without_leaving_any_out():
 def test_what_is_said_of_the_calibration():
     calibration = calibrated()
     assert "FOCAL_LENGTH and LENS_TO_ARRAY" in " ".join(calibration.valleys)
-    errors = {name: numbers for name, *numbers in calibration.aided}
+    errors = {name: numbers for name, *numbers in calibration.error_table}
     assert errors["these observations"][0] == pytest.approx(calibration.standard_error(P.FOCAL_LENGTH))
     assert errors["board on a stage, poses known"][0] < 0.5 * errors["these observations"][0]
     assert (

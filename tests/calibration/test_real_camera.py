@@ -9,7 +9,7 @@ import pytest
 from calibration_helpers import P
 
 import plenoptic as pl
-from plenoptic.calibration.calibrate import _fitted
+from plenoptic.calibration.calibrate import _fit_with_halves
 from plenoptic.calibration.fitting.covariance import clustered_covariance
 from plenoptic.calibration.fitting.geometry import COUNT
 from plenoptic.calibration.fitting.halves import fit_halves
@@ -68,8 +68,8 @@ def test_halves_of_the_frames_agree():
     basis = lattice_basis(observations.lattice, (1.0, 1.0))
     problem = problem_of(observations, basis, np.arange(COUNT) < P.STRETCH)
     start = start_state(problem, 50.0)
-    whole = _fitted(problem, start)
-    whole = _fitted(whole.problem._replace(board_sigma=0.3, free=free), whole.state)
+    whole = _fit_with_halves(problem, start)
+    whole = _fit_with_halves(whole.problem._replace(board_sigma=0.3, free=free), whole.state)
     halves = fit_halves(whole.problem, whole.state)
     z = [half.state.offset[:, 2] for half in halves]
     assert np.corrcoef(*z)[0, 1] > 0.98

@@ -5,7 +5,7 @@ import pytest
 from calibration_helpers import SENSOR, P, board_points, boards_of_50mm, layout, parameters
 
 import plenoptic as pl
-from plenoptic.calibration.fitting.geometry import Poses, project_centres, project_corners, rotated
+from plenoptic.calibration.fitting.geometry import Poses, project_centres, project_corners, rotate_points
 from plenoptic.calibration.twin import object_origin, twin_camera
 
 CASES = [{}, {"EXIT_PUPIL": 6.0}, {"EXIT_PUPIL": -5.0}, {"STRETCH": 2e-4, "TURN": -1.2, "TILT_X": 0.02}]
@@ -57,6 +57,6 @@ def test_a_pose_moves_points_by_its_step():
     poses = Poses(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3))).moved(rng.uniform(-1, 1, (2, 6)))
     np.testing.assert_allclose(poses.turn @ poses.turn.transpose(0, 2, 1), np.tile(np.eye(3), (2, 1, 1)), atol=1e-15)
     points, step = rng.uniform(-1, 1, (2, 3)), 1e-7 * rng.uniform(-1, 1, (2, 6))
-    arms = rotated(poses, np.arange(2), points)
-    moved = rotated(poses.moved(step), np.arange(2), points)
+    arms = rotate_points(poses, np.arange(2), points)
+    moved = rotate_points(poses.advance(step), np.arange(2), points)
     np.testing.assert_allclose(moved - arms, np.cross(step[:, :3], arms), rtol=0, atol=1e-13)

@@ -38,8 +38,8 @@ def check_observations(observations: Observations, problem: Problem) -> None:
             f"{_MIN_FRAMES}, better 10, of boards tilted in different directions"
         )
     for frame in frames.tolist():
-        seen = np.bincount(observations.point[observations.frame == frame], minlength=len(observations.board))
-        points = np.flatnonzero(seen >= MIN_LENSES)
+        counts = np.bincount(observations.point[observations.frame == frame], minlength=len(observations.board))
+        points = np.flatnonzero(counts >= MIN_LENSES)
         flat = observations.board[points] - observations.board[points[:1]]
         if len(points) < _MIN_POINTS or np.linalg.matrix_rank(flat, tol=1e-6 * np.abs(flat).max()) < 2:
             raise InvalidValueError(
@@ -112,7 +112,7 @@ def check_focal_length(state: State, nominal: float) -> None:
         )
 
 
-def check_determined(parameters: Floats, errors: Floats) -> None:
+def check_focal_length_error(parameters: Floats, errors: Floats) -> None:
     """Raise an InvalidValueError if the boards leave the focal length open."""
     f = Parameter.FOCAL_LENGTH
     if not errors[f] < _MAX_RELATIVE_ERROR * parameters[f]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plenoptic.calibration.fitting.geometry import Parameter, project_centres
 from plenoptic.calibration.fitting.solve import (
-    Cells,
+    CornerGroups,
     Evaluation,
     Problem,
     State,
@@ -85,14 +85,14 @@ def clustered_covariance(problem: Problem, at: Evaluation) -> Spread:
     bread = inverse(information(problem, at))
     meat = np.diag(prior_precision(problem))
     meat[:n_free, :n_free] += _centre_products(problem, at)
-    scores, taken = _cell_sums(cells, at)
-    alone = np.zeros_like(meat)
+    scores, group_information = _cell_sums(cells, at)
+    independent = np.zeros_like(meat)
     pulls = cell_products(cells, at.corner_slope * (weight(at.corners) * at.corners)[:, :, None])
-    np.add.at(alone, (cells.unknowns[:, :, None], cells.unknowns[:, None, :]), pulls)
-    alone *= at.corners.size / max(at.corners.size - problem.unknowns, 1)
-    single = _spread_out(cells, problem, _corrected(scores, taken, _parts(bread, cells.unknowns)))
-    frames = _frame_scores(problem, cells, bread, scores, taken)
-    best = Spread(bread @ (meat + alone) @ bread, ErrorCluster.CORNER)
+    np.add.at(independent, (cells.unknowns[:, :, None], cells.unknowns[:, None, :]), pulls)
+    independent *= at.corners.size / max(at.corners.size - problem.unknowns, 1)
+    single = _spread_out(cells, problem, _correct_leverage(scores, group_information, _parts(bread, cells.unknowns)))
+    frames = _frame_scores(problem, cells, bread, scores, group_information)
+    best = Spread(bread @ (meat + independent) @ bread, ErrorCluster.CORNER)
     used = slice(0, n_free)
     clusters = [(ErrorCluster.BOARD_POINT, single), (ErrorCluster.FRAME, frames)]
     for cluster, sums in clusters if problem.frames >= _MIN_FRAMES else clusters[:1]:
@@ -106,14 +106,16 @@ def _parts(matrix: Floats, unknowns: NDArray[np.int64]) -> Floats:
     return np.asarray(matrix[unknowns[:, :, None], unknowns[:, None, :]])
 
 
-def _spread_out(cells: Cells, problem: Problem, scores: Floats) -> Floats:
+def _spread_out(cells: CornerGroups, problem: Problem, scores: Floats) -> Floats:
     """Scores (c, unknowns) of scores (c, k) of cells."""
     wide = np.zeros((len(scores), problem.unknowns))
     np.put_along_axis(wide, cells.unknowns, scores, axis=1)
     return wide
 
 
-def _frame_scores(problem: Problem, cells: Cells, bread: Floats, scores: Floats, taken: Floats) -> Floats:
+def _frame_scores(
+    problem: Problem, cells: CornerGroups, bread: Floats, scores: Floats, group_information: Floats
+) -> Floats:
     """Scores (frames, unknowns) of whole frames, corrected for their leverage."""
     frame = (cells.unknowns[:, problem.n_free] - problem.n_free) // 6
     wide = np.zeros((problem.frames, problem.unknowns))
@@ -123,8 +125,8 @@ def _frame_scores(problem: Problem, cells: Cells, bread: Floats, scores: Floats,
         place = place.reshape(int(rows.sum()), -1)
         score, matrix = np.zeros(len(used)), np.zeros((len(used), len(used)))
         np.add.at(score, place, scores[rows])
-        np.add.at(matrix, (place[:, :, None], place[:, None, :]), taken[rows])
-        wide[number, used] = _corrected(score[None], matrix[None], bread[np.ix_(used, used)][None])[0]
+        np.add.at(matrix, (place[:, :, None], place[:, None, :]), group_information[rows])
+        wide[number, used] = _correct_leverage(score[None], matrix[None], bread[np.ix_(used, used)][None])[0]
     return wide
 
 
@@ -134,21 +136,21 @@ def _centre_products(problem: Problem, at: Evaluation) -> Floats:
     _, block = np.unique(np.floor(problem.centre_grid / _BLOCK), axis=0, return_inverse=True)
     sums = np.zeros((int(block.max(initial=-1)) + 1, problem.n_free))
     np.add.at(sums, block.ravel(), pulls)
-    alone, together = pulls.T @ pulls, sums.T @ sums
+    independent, together = pulls.T @ pulls, sums.T @ sums
     # Parameters on which no centre depends have no share.
-    rank = float(np.trace(inverse(alone) @ alone))
-    ratio = float(np.trace(inverse(alone) @ together)) / max(rank, 1.0)
-    return together if ratio > _BLOCK_RATIO else alone
+    rank = float(np.trace(inverse(independent) @ independent))
+    ratio = float(np.trace(inverse(independent) @ together)) / max(rank, 1.0)
+    return together if ratio > _BLOCK_RATIO else independent
 
 
-def _cell_sums(cells: Cells, at: Evaluation) -> tuple[Floats, Floats]:
+def _cell_sums(cells: CornerGroups, at: Evaluation) -> tuple[Floats, Floats]:
     """Derivatives (c, k) of the loss of each cell by its unknowns, and its information (c, k, k)."""
     pulls = np.concatenate([at.corner_slope, (weight(at.corners) * at.corners)[:, :, None]], axis=2)
     score = cell_products(cells, pulls)[:, :-1, -1]
     return score, cell_products(cells, at.corner_slope * np.sqrt(curvature(at.corners))[:, :, None])
 
 
-def _corrected(score: Floats, taken: Floats, part: Floats) -> Floats:
+def _correct_leverage(score: Floats, group_information: Floats, part: Floats) -> Floats:
     """Scores (c, k) of clusters corrected for the leverage of their residuals.
 
     With the part V of the covariance and the part M of the information that belong to a cluster, V = L L^T, the score
@@ -158,7 +160,7 @@ def _corrected(score: Floats, taken: Floats, part: Floats) -> Floats:
     ratio = part / (scale[:, :, None] * scale[:, None, :])
     lower = scale[:, :, None] * np.linalg.cholesky(ratio + _JITTER * np.eye(part.shape[1]))
     upper = lower.transpose(0, 2, 1)
-    leverage, axes = np.linalg.eigh(upper @ taken @ lower)
+    leverage, axes = np.linalg.eigh(upper @ group_information @ lower)
     factor = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _MAX_LEVERAGE)) - 1.0
     along = axes.transpose(0, 2, 1) @ upper @ score[:, :, None]
     extra = np.linalg.solve(upper, axes @ (factor[:, :, None] * along))

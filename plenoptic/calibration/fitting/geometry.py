@@ -60,14 +60,14 @@ P = Parameter
 COUNT = len(Parameter)
 
 
-class Lenslets(NamedTuple):
+class LensCentres(NamedTuple):
     """Centres of microlenses (n, 3) and their derivatives (n, 3, COUNT)."""
 
     centre: Floats
     slope: Floats
 
 
-def lenslets(parameters: Floats, grid: Floats) -> Lenslets:
+def lenslets(parameters: Floats, grid: Floats) -> LensCentres:
     """Centres of microlenses at lattice positions (n, 2), in pitches from the pivot."""
     turn, pitch = parameters[P.TURN], parameters[P.PITCH]
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -86,7 +86,7 @@ def lenslets(parameters: Floats, grid: Floats) -> Lenslets:
     slope[:, :, P.SHIFT_X], slope[:, :, P.SHIFT_Y] = tilt.T
     slope[:, :, P.TILT_X] = plane @ (about_y @ _quarter(0, about_x))[:, :2].T
     slope[:, :, P.TILT_Y] = plane @ (_quarter(1, about_y) @ about_x)[:, :2].T
-    return Lenslets(centre, slope)
+    return LensCentres(centre, slope)
 
 
 def _quarter(axis: int, turn: Floats) -> Floats:
@@ -149,7 +149,7 @@ def _images(parameters: Floats, points: Floats) -> tuple[Floats, Floats, Floats,
     return image, by_point, by_f, by_distortion
 
 
-def _hits(parameters: Floats, lens: Lenslets, source: Floats) -> tuple[Floats, Floats, Floats]:
+def _hits(parameters: Floats, lens: LensCentres, source: Floats) -> tuple[Floats, Floats, Floats]:
     """Intersections (n, 2) with the sensor of lines from sources (n, 3) through microlenses.
 
     With derivatives by parameters (n, 2, COUNT), at constant sources, and by the source (n, 2, 3).
@@ -195,11 +195,11 @@ class Poses(NamedTuple):
     shift: Floats
     """(n, 3)"""
 
-    def moved(self, step: Floats) -> Poses:
+    def advance(self, step: Floats) -> Poses:
         """Poses after small rotations about the camera's axes through the board's origin, and shifts: steps (n, 6)."""
         return Poses(rotations(step[:, :3]) @ self.turn, self.shift + step[:, 3:])
 
 
-def rotated(poses: Poses, frame: NDArray[np.int64], points: Floats) -> Floats:
+def rotate_points(poses: Poses, frame: NDArray[np.int64], points: Floats) -> Floats:
     """Points (n, 3) of boards, each rotated by the pose of its frame."""
     return np.asarray(np.einsum("nij,nj->ni", poses.turn[frame], points))

@@ -12,7 +12,7 @@ from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, mini
 from plenoptic.core.values import Floats
 
 
-class Half(NamedTuple):
+class HalfFit(NamedTuple):
     """Fit to one half of the frames."""
 
     problem: Problem
@@ -36,14 +36,14 @@ def part_of(problem: Problem, state: State, frames: NDArray[np.int64]) -> tuple[
     return part, state._replace(poses=Poses(state.poses.turn[frames], state.poses.shift[frames]))
 
 
-def fit_halves(problem: Problem, state: State) -> tuple[Half, Half]:
+def fit_halves(problem: Problem, state: State) -> tuple[HalfFit, HalfFit]:
     """Fits to the even and to the odd frames, from the state of all and with its standard deviations."""
     numbers = np.arange(problem.frames)
     even, odd = numbers[::2], numbers[1::2]
     return _fit_half(problem, state, even, odd), _fit_half(problem, state, odd, even)
 
 
-def _fit_half(problem: Problem, state: State, frames: NDArray[np.int64], others: NDArray[np.int64]) -> Half:
+def _fit_half(problem: Problem, state: State, frames: NDArray[np.int64], others: NDArray[np.int64]) -> HalfFit:
     part, start = part_of(problem, state, frames)
     fitted, at = minimise(part, start)
     held, start = part_of(problem, State(fitted.parameters, state.poses, fitted.offset), others)
@@ -51,4 +51,4 @@ def _fit_half(problem: Problem, state: State, frames: NDArray[np.int64], others:
     _, result = minimise(held, start._replace(offset=np.zeros_like(fitted.offset)))
     squares = np.mean((result.corners * held.sigma[0]) ** 2, axis=1)
     counts = np.bincount(held.frame)
-    return Half(part, fitted, at, np.bincount(held.frame, squares) / counts, counts)
+    return HalfFit(part, fitted, at, np.bincount(held.frame, squares) / counts, counts)

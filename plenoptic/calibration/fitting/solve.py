@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.geometry import COUNT, Poses, project_centres, project_corners, rotated
+from plenoptic.calibration.fitting.geometry import COUNT, Poses, project_centres, project_corners, rotate_points
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
 
@@ -87,7 +87,7 @@ class Evaluation(NamedTuple):
     cost: float
 
 
-class Cells(NamedTuple):
+class CornerGroups(NamedTuple):
     """Corners grouped by frame and board point."""
 
     rows: NDArray[np.int64]
@@ -112,7 +112,7 @@ def curvature(residuals: Floats) -> Floats:
     return np.asarray(weight(residuals) ** 3)
 
 
-def cells_of(problem: Problem) -> Cells:
+def cells_of(problem: Problem) -> CornerGroups:
     """Group the corners of a problem."""
     points = len(problem.board)
     names, cell, counts = np.unique(problem.frame * points + problem.point, return_inverse=True, return_counts=True)
@@ -124,19 +124,19 @@ def cells_of(problem: Problem) -> Cells:
     unknowns = [np.tile(np.arange(problem.n_free), (len(names), 1)), problem.n_free + 6 * frame + np.arange(6)]
     if problem.board_sigma > 0:
         unknowns.append(problem.n_free + 6 * problem.frames + 3 * point + np.arange(3))
-    return Cells(rows, np.concatenate(unknowns, axis=1))
+    return CornerGroups(rows, np.concatenate(unknowns, axis=1))
 
 
 def evaluate(problem: Problem, state: State) -> Evaluation:
     """Residuals and derivatives at a state."""
     free, (corner_sigma, centre_sigma) = problem.free, problem.sigma
-    arms = rotated(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
+    arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
     points = arms + state.poses.shift[problem.frame]
-    seen = project_corners(state.parameters, problem.grid, points, problem.pixel_pitch)
-    slopes = [seen.slope[:, :, free], np.cross(arms[:, None, :], seen.by_point), seen.by_point]
+    projection = project_corners(state.parameters, problem.grid, points, problem.pixel_pitch)
+    slopes = [projection.slope[:, :, free], np.cross(arms[:, None, :], projection.by_point), projection.by_point]
     if problem.board_sigma > 0:
-        slopes.append(seen.by_point @ state.poses.turn[problem.frame])
-    corners = (seen.pixel - problem.pixel) / corner_sigma
+        slopes.append(projection.by_point @ state.poses.turn[problem.frame])
+    corners = (projection.pixel - problem.pixel) / corner_sigma
     middle, middle_slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch)
     centres = (middle - problem.centre_pixel) / centre_sigma
     penalty = np.zeros(problem.unknowns)
@@ -160,7 +160,7 @@ def prior_precision(problem: Problem) -> Floats:
     return precision
 
 
-def cell_products(cells: Cells, rows: Floats) -> Floats:
+def cell_products(cells: CornerGroups, rows: Floats) -> Floats:
     """Sums (c, k, k) over the rows of each cell of the products of rows (n, 2, k) with themselves."""
     padded = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])
     stacked = padded[cells.rows].reshape(len(cells.rows), -1, rows.shape[2])
@@ -168,7 +168,7 @@ def cell_products(cells: Cells, rows: Floats) -> Floats:
 
 
 def normal_equations(
-    problem: Problem, cells: Cells, at: Evaluation, weights: tuple[Floats, Floats]
+    problem: Problem, cells: CornerGroups, at: Evaluation, weights: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats]:
     """Matrix and right-hand side of the least-squares step, with weights of corners (n, 2) and centres (m, 2)."""
     n_free, total = problem.n_free, problem.unknowns
@@ -190,7 +190,7 @@ def step(problem: Problem, state: State, change: Floats) -> State:
     n_free, n_poses = problem.n_free, 6 * problem.frames
     parameters = state.parameters.copy()
     parameters[problem.free] += change[:n_free]
-    poses = state.poses.moved(change[n_free : n_free + n_poses].reshape(-1, 6))
+    poses = state.poses.advance(change[n_free : n_free + n_poses].reshape(-1, 6))
     offset = state.offset
     if problem.board_sigma > 0:
         offset = offset + change[n_free + n_poses :].reshape(-1, 3)

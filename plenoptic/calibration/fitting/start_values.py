@@ -63,7 +63,7 @@ def _bundles(problem: Problem, lattice: ImageLattice, axis: Floats) -> _Bundles:
     middle, image = mean(centre), mean(corner)
     spread = mean((centre - middle[cell]) ** 2).sum(axis=1)
     both = mean((centre - middle[cell]) * (corner - image[cell])).sum(axis=1)
-    # Three microlenses in a triangle are the least that tell the slope.
+    # Three microlenses in a triangle are the fewest that tell the slope.
     used = (counts >= MIN_LENSES) & (spread > 0)
     slope = both[used] / spread[used]
     return _Bundles(names[used] // points, names[used] % points, slope, image[used] - slope[:, None] * middle[used])
@@ -83,7 +83,7 @@ def start_state(problem: Problem, focal_length: float) -> State:
     trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()]
     scored = [_poses(problem, bundles, focal_length, *trial) for trial in trials]
     order = np.argsort([score for score, _ in scored], kind="stable")[:_CANDIDATES]
-    best, least = None, np.inf
+    best, lowest_cost = None, np.inf
     for k in order.tolist():
         score, poses = scored[k]
         if not math.isfinite(score):
@@ -92,8 +92,8 @@ def start_state(problem: Problem, focal_length: float) -> State:
         held = problem._replace(free=np.isin(np.arange(COUNT), [P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH]))
         held = held._replace(sigma=(3.0, 1.0))
         state, at = minimise(held, State(parameters, poses, np.zeros_like(problem.board)), steps=12, tolerance=100.0)
-        if at.cost < least:
-            best, least = state, at.cost
+        if at.cost < lowest_cost:
+            best, lowest_cost = state, at.cost
     if best is None:
         raise InvalidValueError(
             "no camera with a real image of the boards explains the corners; check the focal length f, the board's "

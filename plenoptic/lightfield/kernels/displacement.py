@@ -146,10 +146,10 @@ def fill_slopes_to_points(slope, starts, per_pixel, lens, model):
                     squares += image[c] * image[c]
                     product += change * image[c]
                     change_squares += change * change
-                share = product / change_squares if trial > 0 and change_squares > 0.0 else 0.0
+                mixing = product / change_squares if trial > 0 and change_squares > 0.0 else 0.0
                 for c in range(2):
                     new = point[i, c] + image[c]
-                    point[i, c] = new - share * (new - value[i, c]) if trial > 0 else new
+                    point[i, c] = new - mixing * (new - value[i, c]) if trial > 0 else new
                     value[i, c], residual[i, c] = new, image[c]
                     if ray[STATUS + i] != 0.0:
                         point[i, c] = math.nan

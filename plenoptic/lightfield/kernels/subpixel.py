@@ -65,8 +65,8 @@ def _image_displacement(stack, shape, moved, m, j, pixel, d):
     by_right = _between(a[3], b[3], c[3], down, right) - central[3]
     more_down = _between(a[0], b[0], c[0], down, right) - central[0] + per_pitch * by_down
     more_right = _between(a[1], b[1], c[1], down, right) - central[1] + per_pitch * by_right
-    known = more_down == more_down
-    moved[0], moved[1] = more_down if known else 0.0, more_right if known else 0.0
+    is_finite = more_down == more_down
+    moved[0], moved[1] = more_down if is_finite else 0.0, more_right if is_finite else 0.0
     return more_down, more_right, by_down / stack.pitch, by_right / stack.pitch
 
 
@@ -153,11 +153,11 @@ def _fill_slots(work, valid, row, column, shape):
     (rows, columns), width, n = shape, work.own.shape[0], 0
     first, end = max(0, 1 - column), min(width, columns - 2 - column)
     for i in range(max(0, 1 - row), min(width, rows - 2 - row)):
-        own, other = work.own[i, first:end], valid[(row + i) * columns + column + first :]
-        for k in range(own.size):
+        in_window, in_other = work.own[i, first:end], valid[(row + i) * columns + column + first :]
+        for k in range(in_window.size):
             work.slots[n] = i * (width + 3) + first + k
             work.places[n] = i * columns + first + k
-            n += own[k] & other[k]
+            n += in_window[k] & in_other[k]
     return n
 
 
@@ -173,7 +173,7 @@ def _fill_patch(patch, values, row, column, side, shape):
 
 
 @device
-def _fill_weighted(out, values, spacing, weights):
+def _fill_weighted_sums(out, values, spacing, weights):
     """Weighted sum of four values at a spacing, the first of which is values[i]."""
     a, b, c, d = weights
     first, second, third, fourth = values, values[spacing:], values[2 * spacing :], values[3 * spacing :]
@@ -213,12 +213,12 @@ def _window(stack, start, work, m, j, pixel, d):
     row, column = y - radius + int(top), x - radius + int(left)
     width = 2 * radius + 1
     side = width + 3
-    columns, k, least = start.shape[1], j - stack.first[m], _MIN_VALID * width * width
+    columns, k, min_valid = start.shape[1], j - stack.first[m], _MIN_VALID * width * width
     corner = row * columns + column
-    if corner >= start.size or (corner >= 0 and work.n_valid[k, corner] < least):
+    if corner >= start.size or (corner >= 0 and work.n_valid[k, corner] < min_valid):
         return 0, 0.0, 0.0, 0.0, 0.0
     n = _fill_slots(work, work.valid[k], row, column, start.shape)
-    if n < least:
+    if n < min_valid:
         return 0, 0.0, 0.0, 0.0, 0.0
     window_values, values = stack.values[m], stack.values[other]
     if stack.coefficients is not None:
@@ -244,9 +244,9 @@ def _window(stack, start, work, m, j, pixel, d):
     v, slope, slots = work.values, work.slopes, work.slots
     row_weights, row_derivatives = _to_float32(row_weights), _to_float32(row_derivatives)
     _fill_patch(patch, values, row - 1, column - 1, side, start.shape)
-    _fill_weighted(along, patch, 1, _to_float32(weights))
-    _fill_weighted(by_column, patch, 1, _to_float32(derivatives))
-    _fill_weighted(v, along, side, row_weights)
+    _fill_weighted_sums(along, patch, 1, _to_float32(weights))
+    _fill_weighted_sums(by_column, patch, 1, _to_float32(derivatives))
+    _fill_weighted_sums(v, along, side, row_weights)
     _fill_slopes(slope, along, by_column, side, row_weights, row_derivatives, (np.float32(sy), np.float32(sx)))
     p, q, s, pp, qq, pq, ps, qs, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     window = window_values[(y - radius) * start.shape[1] + x - radius :]
