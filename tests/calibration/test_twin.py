@@ -54,7 +54,7 @@ def test_derivatives_are_those_of_differences():
 
 def test_a_pose_moves_points_by_its_step():
     rng = np.random.default_rng(2)
-    poses = Poses(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3))).moved(rng.uniform(-1, 1, (2, 6)))
+    poses = Poses(np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3))).advance(rng.uniform(-1, 1, (2, 6)))
     np.testing.assert_allclose(poses.turn @ poses.turn.transpose(0, 2, 1), np.tile(np.eye(3), (2, 1, 1)), atol=1e-15)
     points, step = rng.uniform(-1, 1, (2, 3)), 1e-7 * rng.uniform(-1, 1, (2, 6))
     arms = rotate_points(poses, np.arange(2), points)
