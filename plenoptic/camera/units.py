@@ -8,6 +8,6 @@ def metres_hint(length: float, limit: float) -> str:
 
     A length below a fiftieth of the limit is hardly meant in mm.
     """
-    if limit < 1e3 * length < 20.0 * limit:
+    if length * limit > 0 and abs(limit) < 1e3 * abs(length) < 20.0 * abs(limit):
         return f"; {length:g} looks like metres: give {1e3 * length:g}, and all other lengths in mm too"
     return ""
