@@ -216,7 +216,7 @@ class MicrolensArray:
 
     @property
     def half_extent(self) -> Floats:
-        """(2,) largest |x| and |y| of a design centre in mm, with a margin for rounding; inf without an extent."""
+        """(2,) largest distance of a design centre from x = 0 and y = 0 in mm, with a margin for rounding; or inf."""
         half = np.full(2, np.inf) if self.extent is None else 0.5 * np.array(self.extent)
         return read_only(half + 1e-9 * np.array(self.pitches))
 
