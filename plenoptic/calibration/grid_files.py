@@ -45,9 +45,12 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
 
     Examples
     --------
-    >>> grid = pl.calibration.read_grid("calibration.xml", shape=(3068, 4080))  # doctest: +SKIP
-    >>> grid  # doctest: +SKIP
-    MicroImageGrid(HEXAGONAL, pitch 23.357 pixels along rows, rotation 0.04 degrees, 3 types, 3068 x 4080 pixels)
+    >>> import pathlib, tempfile, numpy as np, plenoptic as pl
+    >>> shot = pl.Exposure(np.ones((512, 512, 1)), camera=pl.camera.example_camera())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.plenoptic_toolbox(folder, shot)
+    ...     pl.calibration.read_grid(pathlib.Path(folder) / "shot.xml", shape=(512, 512))
+    MicroImageGrid(HEXAGONAL, pitch 21.987 pixels along columns, rotation 0.00 degrees, 3 types, 512 x 512 pixels)
     """
     file, (rows, columns) = file_path(path), checked_shape(shape, ("rows", "columns"))
     check_file(file, TEXT)

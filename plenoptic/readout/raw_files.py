@@ -103,7 +103,7 @@ def read_raw(
 
 
 def read_lytro(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> tuple[RawImage, dict[str, Any]]:
-    """Read the raw image of a Lytro camera and its description of camera, lens and microlenses.
+    r"""Read the raw image of a Lytro camera and its description of camera, lens and microlenses.
 
     Parameters
     ----------
@@ -126,9 +126,18 @@ def read_lytro(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) ->
 
     Examples
     --------
-    >>> raw, metadata = pl.images.read_lytro("IMG_0001.LFR")  # doctest: +SKIP
-    >>> metadata["devices"]["mla"]["lensPitch"]  # doctest: +SKIP
-    2e-05
+    >>> import json, pathlib, tempfile, plenoptic as pl
+    >>> black, white = (dict.fromkeys(("r", "gr", "gb", "b"), level) for level in (168, 4095))
+    >>> text = {"devices": {"mla": {"lensPitch": 1.4e-05}}, "image": {"width": 2, "height": 1, "rawDetails": {
+    ...     "pixelFormat": {"black": black, "white": white}, "mosaic": {"upperLeftPixel": "b"},
+    ...     "pixelPacking": {"bitsPerPixel": 12, "endianness": "big"}}}}
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "white.raw"
+    ...     bytes_written = path.write_bytes(b"\xff\xf0\xa8")
+    ...     characters = path.with_suffix(".txt").write_text(json.dumps(text))
+    ...     raw, metadata = pl.images.read_lytro(path)
+    >>> raw.data, metadata["devices"]["mla"]["lensPitch"]
+    (array([[4095,  168]], dtype=uint16), 1.4e-05)
     """
     image = read_lytro_image(file_path(path), limits)
     return _raw(image.data, image.bits, image.black, image.white, image.colour_filters), image.metadata
