@@ -132,6 +132,16 @@ class RayBundle:
         set_field(self, "lost_at", frozen_array(element, name="lost_at", shape=(n,), dtype=np.int16))
 
     @classmethod
+    def through(cls, origin: Floats, direction: Floats, wavelength: float) -> RayBundle:
+        """Rays of weight 1 along directions (n, 3) of any length, arrays of the package's own that are not checked."""
+        with np.errstate(all="ignore"):
+            unit = _normalise(direction)
+            not_finite = ~np.isfinite(unit[:, 0] + origin[:, 0] + origin[:, 1])
+        status = np.where(not_finite, np.uint8(RayStatus.NOT_FINITE), np.uint8(0))
+        weight = np.where(not_finite, 0.0, 1.0)
+        return cls._from_arrays(origin, unit, wavelength, weight, status, np.full(len(origin), -1, np.int16))
+
+    @classmethod
     def _from_arrays(
         cls,
         origin: Floats,
@@ -213,7 +223,8 @@ class RayBundle:
 
 def _normalise(direction: Floats) -> Floats:
     # Scaling by the largest component first keeps squares of tiny and of huge numbers in range.
-    largest = np.max(np.abs(direction), axis=1, keepdims=True)
+    x, y, z = np.abs(direction).T
+    largest = np.maximum(np.maximum(x, y), z)[:, None]
     scaled = direction / largest
     return np.asarray(scaled / np.sqrt(np.einsum("ij,ij->i", scaled, scaled))[:, None])
 

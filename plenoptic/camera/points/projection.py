@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.camera.points.projection_rows import REPLICATES, Rows, lenses_at, trace_rows
+from plenoptic.camera.points.projection_light import REPLICATES
+from plenoptic.camera.points.projection_rows import Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
-from plenoptic.camera.psf.psf_results import centroids
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
@@ -133,10 +133,12 @@ def project(
     1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) the chief ray passes the vertex of the curved side and leaves the
     plate parallel to itself. Deviations of single microlenses (`imperfections`) and placements of parts are included.
 
-    Light is traced as in `point_spread`, with the same rays in every call. Light below that of a single ray, a fraction
-    1 / rays of the light through the lens, may be missed at microlenses that the chief ray does not reach. With a
-    scene, shadow rays run from the point towards the lens along the chief ray if it passes, otherwise along a ray that
-    passes the lens and hits the array near the microlens.
+    Light is traced as in `point_spread`, with the same random numbers for all points, aimed at an outline of the pupil
+    that points near each other share: errors of such points are correlated, and rows of a point do not depend on the
+    other points of the call. Light below that of a single ray, a fraction 1 / rays of the light through the lens, may
+    be missed at microlenses that the chief ray does not reach. With a scene, shadow rays run from the point towards the
+    lens along the chief ray if it passes, otherwise along a ray that passes the lens and hits the array near the
+    microlens.
 
     Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels are ignored. Light
     through clear gaps between openings belongs to the cell that it passes.
@@ -166,9 +168,7 @@ def project(
 def _to_projection(record: ForwardRecord, world: Floats, rows: Rows) -> Projection:
     sensor, array = record.camera.sensor, record.camera.microlenses
     lenses = None if array is None or rows.lens is None else lenses_at(array, rows.lens)
-    light = rows.moments[:, :, 0].mean(axis=1)
-    light_error = rows.moments[:, :, 0].std(axis=1, ddof=1) / np.sqrt(REPLICATES)
-    centroid, centroid_error = centroids(rows.moments)
+    light, light_error, centroid, centroid_error = rows.light, rows.light_error, rows.centroid, rows.centroid_error
     centroid[light == 0] = np.nan
     # With all light in one replicate the error is unknown, and not small.
     centroid_error[~np.isfinite(centroid_error)] = np.inf

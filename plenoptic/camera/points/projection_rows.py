@@ -13,22 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import ArrayAxes, array_axes
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, RayTask, ray_tasks, trace_task
+from plenoptic.camera.points.projection_light import REPLICATES, PointRays, SensorLight, light_of_points, unique_rows
+from plenoptic.camera.psf.psf_results import centroids
+from plenoptic.camera.psf.sensor_hits import ForwardRecord
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.microlens.array import MicrolensArray
-from plenoptic.optics.microlens.lenslets import Lenslets, lenses_of
+from plenoptic.optics.microlens.lenslets import Lenslets, lenses_in_boxes, lenses_of
 
-REPLICATES = 32
-"""Independent scramblings of the rays of a point, for the standard error."""
-_RING_RADII = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""Radii of the rings of entry points, relative to the corners of the polygon through which light enters."""
+_RING_RADII = np.arange(8, 0, -1) / 8
+"""Radii of the rings of entry points, relative to the polygon through which light enters."""
 _BOX_FACTOR = 1.25
 """Factor on the size of the box around the light in which microlenses are searched."""
+_POINTS = 128
+"""Points whose rows are computed together."""
 _AIM_TOLERANCE = 1e-10
 _TRIALS = 40
 _STEP = 1e-5
@@ -50,7 +53,7 @@ class EntranceRays(NamedTuple):
     def through(self, points: Floats, entry: Floats) -> RayBundle:
         """Rays from points (n, 3) through points (n, 2) of the entrance plane."""
         start = np.column_stack([entry, np.full(len(entry), self.z)])
-        return RayBundle(start, start - points, self.wavelength)
+        return RayBundle.through(start, start - points, self.wavelength)
 
 
 def entrance_rays(record: ForwardRecord) -> EntranceRays:
@@ -160,49 +163,6 @@ def solve_2x2(matrix: Floats, right: Floats) -> Floats:
     return np.asarray(numerators / (a * d - b * c)[:, None])
 
 
-class SensorLight(NamedTuple):
-    """Light of points that reaches the sensor, a row for each point and microlens."""
-
-    keys: NDArray[np.int64]
-    """(k, 3): index of the point and lattice indices of the microlens, sorted; 0, 0 without microlenses."""
-    moments: Floats
-    """(k, replicates, 3): light, and light times x and y on the sensor, in mm."""
-
-
-def _light_of(record: ForwardRecord, tasks: list[RayTask], rays_per_replicate: int, threads: int) -> SensorLight:
-    """Trace tasks with a total of `rays_per_replicate` rays for every point and replicate."""
-
-    def trace_sums(task: RayTask) -> tuple[NDArray[np.int64], Floats]:
-        rows = trace_task(record, task, np.uint64(0)).rows
-        lens, row_of_lens = _unique_rows(np.column_stack([rows["first"], rows["second"]]))
-        sums = np.empty((len(lens), 3))
-        for k, amount in enumerate((rows["weight"], rows["weight"] * rows["x"], rows["weight"] * rows["y"])):
-            sums[:, k] = np.bincount(row_of_lens, amount, minlength=len(lens))
-        return lens, sums / rays_per_replicate
-
-    parts = list(run_in_order(trace_sums, tasks, threads=threads))
-    counts = [len(lens) for lens, _ in parts]
-    number = np.repeat([task.number for task in tasks], counts).astype(np.int64)
-    replicate = np.repeat([task.replicate for task in tasks], counts).astype(np.int64)
-    index = np.concatenate([np.empty((0, 2), np.int64), *(lens for lens, _ in parts)])
-    keys, row = _unique_rows(np.column_stack([number, index]))
-    moments = np.zeros((len(keys), REPLICATES, 3))
-    np.add.at(moments, (row, replicate), np.concatenate([np.empty((0, 3)), *(sums for _, sums in parts)]))
-    return SensorLight(keys, moments)
-
-
-def _unique_rows(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Unique rows (k, c) of integers (n, c), sorted, and the index of each row among them (n,)."""
-    if not len(keys):
-        return keys, np.empty(0, np.int64)
-    order = np.lexsort(keys.T[::-1])
-    ordered = keys[order]
-    new = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))
-    row = np.empty(len(keys), np.int64)
-    row[order] = np.cumsum(new) - 1
-    return ordered[new], row
-
-
 class Rows(NamedTuple):
     """Rows of a projection, one for each point and microlens that images it."""
 
@@ -214,22 +174,47 @@ class Rows(NamedTuple):
     """(k, 2): intersection of the chief ray with the sensor, in its own axes; nan if there is none."""
     passes: NDArray[np.bool_]
     """(k,): True if the chief ray is not vignetted."""
-    moments: Floats
-    """(k, replicates, 3): light, and light times x and y."""
+    light: Floats
+    light_error: Floats
+    """(k,): light and its standard error."""
+    centroid: Floats
+    centroid_error: Floats
+    """(k, 2): centroid of the light on the sensor and its standard error, in mm; not finite without light."""
     entering: Floats
     """(k, 2): entry point of the ray that represents the light."""
 
 
 def trace_rows(record: ForwardRecord, points: Floats, rays_per_replicate: int, threads: int) -> Rows:
     """Compute the rows of points (n, 3) in the lens's axes."""
-    tasks, array = ray_tasks(record, points, REPLICATES, rays_per_replicate), record.camera.microlenses
-    if array is None:
-        return _rows_through_iris(record, points, _light_of(record, tasks, rays_per_replicate, threads))
-    light = _light_of(record, tasks if array.model.focuses else [], rays_per_replicate, threads)
-    return _rows_through_microlenses(record, array, points, tasks, light)
+    polygons, array = entrance_polygons(record.entrance, points), record.camera.microlenses
+    starts = range(0, max(len(points), 1), _POINTS)
+    # A few points with many rays are traced by all threads.
+    workers = threads if len(starts) == 1 else 1
+
+    def trace(start: int) -> Rows:
+        number = np.arange(start, min(start + _POINTS, len(points)))
+        lit = number[np.isfinite(polygons[number, 0, 0])]
+        rays = PointRays(lit, points[lit], polygons[lit])
+        focuses = array is None or array.model.focuses
+        light = light_of_points(record, rays, rays_per_replicate if focuses else 0, workers)
+        if array is None:
+            return _rows_through_iris(record, number, points[number], rays, light)
+        return _rows_through_microlenses(record, array, rays, light)
+
+    parts = run_in_order(trace, starts, threads=threads)
+    columns = [None if part[0] is None else np.concatenate(part) for part in zip(*parts, strict=True)]
+    return Rows(*columns)  # type: ignore[arg-type]
 
 
-def _rows_through_iris(record: ForwardRecord, points: Floats, light: SensorLight) -> Rows:
+def _statistics(moments: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Light, its error, centroids and their errors from moments (k, replicates, 3)."""
+    light = np.ascontiguousarray(moments[:, :, 0])
+    return light.mean(axis=1), light.std(axis=1, ddof=1) / np.sqrt(REPLICATES), *centroids(moments)
+
+
+def _rows_through_iris(
+    record: ForwardRecord, number: NDArray[np.int64], points: Floats, rays: PointRays, light: SensorLight
+) -> Rows:
     """Rows of a camera without microlenses, one for each point."""
     entrance, n = entrance_rays(record), len(points)
     aim, centre = through_iris(record, entrance.bare)
@@ -238,11 +223,12 @@ def _rows_through_iris(record: ForwardRecord, points: Floats, light: SensorLight
     # Towards the centre of the paraxial entrance pupil.
     start = points[:, :2] * np.where(np.abs(radius) < 2.0, 1.0 - radius, 0.0)
     entering = aim_rays(entrance, aim, points, np.tile(centre, (n, 1)), start)
-    rays = entrance.through(points, entering)
+    chief = entrance.through(points, entering)
     moments = np.zeros((n, REPLICATES, 3))
-    moments[light.keys[:, 0]] = light.moments
-    position = straight_to_sensor(record, trace_record(entrance.bare, rays))
-    return Rows(np.arange(n), None, position, trace_record(entrance.lens, rays).status == 0, moments, entering)
+    moments[rays.number[light.keys[:, 0]] - number[:1]] = light.moments
+    position = straight_to_sensor(record, trace_record(entrance.bare, chief))
+    passes = trace_record(entrance.lens, chief).status == 0
+    return Rows(number, None, position, passes, *_statistics(moments), entering)
 
 
 def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
@@ -255,127 +241,142 @@ def straight_to_sensor(record: ForwardRecord, behind: RayBundle) -> Floats:
 
 
 def _rows_through_microlenses(
-    record: ForwardRecord, array: MicrolensArray, points: Floats, tasks: list[RayTask], light: SensorLight
+    record: ForwardRecord, array: MicrolensArray, rays: PointRays, light: SensorLight
 ) -> Rows:
     """Rows of a camera with microlenses: for each microlens that receives a point's light or chief ray."""
-    if not tasks:
-        empty, keys = np.empty((0, 2)), np.empty((0, 3), np.int64)
-        return Rows(keys[:, 0], keys[:, 1:], empty, keys[:, 0] > 0, np.empty((0, REPLICATES, 3)), empty)
     entrance, axes = entrance_rays(record), array_axes(record.camera)
     through = ThroughArray(axes, array)
-    bundles = _trace_bundles(tasks, entrance, through)
-    keys, row = _unique_rows(np.concatenate([light.keys, _candidate_keys(bundles, through)]))
+    bundles = _trace_bundles(rays, entrance, through)
+    keys, row = unique_rows(np.concatenate([light.keys, _candidate_keys(bundles, through)]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
     number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
-    aim = Aim(entrance.bare, through.intersections)
-    entering = aim_rays(entrance, aim, points[number], centres, _nearest_rays(bundles, number, centres, passing=False))
-    passes = trace_record(entrance.lens, entrance.through(points[number], entering)).status == 0
-    lit, passing_entry = (moments[:, :, 0] > 0).any(axis=1), _nearest_rays(bundles, number, centres, passing=True)
-    # Strong lenses have several rays from a point to a microlens: if there is light, use one that passes.
-    retry = np.flatnonzero(lit & ~passes & np.isfinite(passing_entry).all(axis=1))
+    points, aim = rays.point[number], Aim(entrance.bare, through.intersections)
+    start, passing_entry = _nearest_rays(bundles, number, centres)
+    entering = aim_rays(entrance, aim, points, centres, start)
+    passes = trace_record(entrance.lens, entrance.through(points, entering)).status == 0
+    lit = np.asarray((moments[:, :, 0] > 0).any(axis=1))
+    # Strong lenses have several rays from a point to a microlens: use one that passes.
+    has_other_start = np.isfinite(passing_entry[:, 0]) & (passing_entry[:, 0] != start[:, 0])
+    retry = np.flatnonzero(~passes & has_other_start)
     if len(retry):
-        other_entry = aim_rays(entrance, aim, points[number[retry]], centres[retry], passing_entry[retry])
-        is_unvignetted = trace_record(entrance.lens, entrance.through(points[number[retry]], other_entry)).status == 0
-        entering[retry[is_unvignetted]], passes[retry[is_unvignetted]] = other_entry[is_unvignetted], True
-    rays, selected = entrance.through(points[number], entering), passes | lit
-    shadow = np.where(passes[:, None], entering, passing_entry)
+        other_entry = aim_rays(entrance, aim, points[retry], centres[retry], passing_entry[retry])
+        is_unvignetted = trace_record(entrance.lens, entrance.through(points[retry], other_entry)).status == 0
+        passes[retry] = is_unvignetted
+        better = is_unvignetted | np.isnan(entering[retry, 0])
+        entering[retry[better]] = other_entry[better]
+    rows = np.flatnonzero(passes | lit)
+    chief = trace_record(entrance.bare, entrance.through(points[rows], entering[rows]))
+    position = through.sensor_points(centres[rows], chief)
+    with np.errstate(invalid="ignore"):
+        reported = np.flatnonzero(lit[rows] | (np.abs(position) <= sensor_limit(through)).all(axis=1))
+    rows, position = rows[reported], position[reported]
+    shadow = np.where(passes[rows, None], entering[rows], passing_entry[rows])
     return Rows(
-        point=number[selected],
-        lens=keys[selected, 1:],
-        position=through.sensor_points(centres, trace_record(entrance.bare, rays))[selected],
-        passes=passes[selected],
-        moments=moments[selected],
-        entering=np.where(np.isfinite(shadow), shadow, entering)[selected],
+        rays.number[number[rows]],
+        keys[rows, 1:],
+        position,
+        passes[rows],
+        *_statistics(moments[rows]),
+        entering=np.where(np.isfinite(shadow), shadow, entering[rows]),
     )
 
 
 class PointBundles(NamedTuple):
-    """Rays of visible points, the same number for each."""
+    """f rays of each of n points."""
 
-    number: NDArray[np.int64]
-    """(m,): index of the point."""
     entering: Floats
-    """(m, f, 2): entry points on the entrance plane."""
+    """(n, f, 2): entry points on the entrance plane."""
     arriving: Floats
-    """(m, f, 2): intersections with the array, local; nan if there is none."""
+    """(n, f, 2): intersections with the array, local; nan if there is none."""
     on_sensor: Floats
-    """(m, f, 2): intersections with the sensor, in its own axes, for a microlens centred on the ray."""
+    """(n, f, 2): intersections with the sensor, in its own axes, for a microlens centred on the ray."""
     passing: NDArray[np.bool_]
-    """(m, f): True if the ray is not vignetted."""
+    """(n, f): True if the ray is not vignetted."""
 
 
-def _trace_bundles(tasks: list[RayTask], entrance: EntranceRays, through: ThroughArray) -> PointBundles:
-    """Trace rings of rays from every visible point."""
-    firsts = {task.number: task for task in tasks[::-1]}
-    number = np.array(sorted(firsts), dtype=np.int64)
-    entering = np.stack([_ring_points(firsts[k].polygon) for k in number])
-    points = np.repeat([firsts[k].point for k in number], entering.shape[1], axis=0)
-    rays = entrance.through(points, entering.reshape(-1, 2))
-    traced = trace_record(entrance.bare, rays)
+def _trace_bundles(rays: PointRays, entrance: EntranceRays, through: ThroughArray) -> PointBundles:
+    """Trace rings of rays from every point."""
+    entering = _ring_points(rays.polygon)
+    bundle = entrance.through(np.repeat(rays.point, entering.shape[1], axis=0), entering.reshape(-1, 2))
+    traced = trace_record(entrance.bare, bundle)
     arriving = through.intersections(traced)
     on_sensor = through.sensor_points(arriving, traced).reshape(entering.shape)
-    passing = (trace_record(entrance.lens, rays).status == 0).reshape(entering.shape[:2])
-    return PointBundles(number, entering, arriving.reshape(entering.shape), on_sensor, passing)
+    passing = (trace_record(entrance.lens, bundle).status == 0).reshape(entering.shape[:2])
+    arriving[~np.isfinite(arriving).all(axis=1)] = np.nan
+    return PointBundles(entering, arriving.reshape(entering.shape), on_sensor, passing)
 
 
-def _ring_points(polygon: Floats) -> Floats:
-    """Points (f, 2) on rings in a polygon (2, k): points of its outline, and these scaled towards its centre."""
-    fan = np.linspace(0, polygon.shape[1] - 3, 16).round().astype(int)
-    outline = polygon.T[np.stack([fan + 1, fan + 2], axis=1)].reshape(-1, 2)
-    centre = (2.0 * outline.mean(axis=0) + polygon[:, 0]) / 3.0
-    return np.concatenate([centre + radius * (outline - centre) for radius in _RING_RADII])
+def _ring_points(polygons: Floats) -> Floats:
+    """Points (n, f, 2) on rings in polygons (n, k, 2): corners, points between them, and these scaled towards the
+    centre; and the centre.
+    """
+    outline = np.concatenate([polygons, 0.5 * (polygons + np.roll(polygons, -1, axis=1))], axis=1)
+    centre = polygons.mean(axis=1, keepdims=True)
+    return np.concatenate([*(centre + radius * (outline - centre) for radius in _RING_RADII), centre], axis=1)
 
 
 def _candidate_keys(bundles: PointBundles, through: ThroughArray) -> NDArray[np.int64]:
-    """Keys (k, 3) of the microlenses in a box around each point's light: index of the point and lattice indices.
+    """Keys (k, 3) of the microlenses in a box around each point's light: row of the point and lattice indices.
 
-    Microlenses whose chief rays are farther outside the sensor than a tenth of its size, or two pitches, are left out.
+    Microlenses are left out whose chief rays end far outside the `sensor_limit` by a linear fit to the point's rays.
     """
     axes, array = through
-    height, width = axes.camera.sensor.size
-    limit = np.array([width, height])
-    limit = 0.5 * limit + np.maximum(0.1 * limit, 2.0 * max(array.pitches))
-    keys = [np.empty((0, 3), dtype=np.int64)]
-    for number, arriving, on_sensor in zip(bundles.number, bundles.arriving, bundles.on_sensor, strict=True):
-        hits = np.isfinite(arriving).all(axis=1)
-        if not hits.any():
-            continue
-        on_array = axes.on_array(arriving[hits])
-        low, high = on_array.min(axis=0), on_array.max(axis=0)
-        margin = 0.5 * (_BOX_FACTOR - 1.0) * (high - low) + array.cell_radius
-        lenses = array.lenses(low - margin, high + margin)
-        near = np.abs(_fit_linear(on_array, on_sensor[hits], lenses.axis)) <= limit
-        index = lenses.index[near.all(axis=1)]
-        keys.append(np.column_stack([np.full(len(index), number), index]))
-    return np.concatenate(keys)
+    limit = _BOX_FACTOR * sensor_limit(through)
+    rows = np.flatnonzero(np.isfinite(bundles.arriving[..., 0]).any(axis=1))
+    on_array = axes.on_array(bundles.arriving[rows])
+    low, high = np.nanmin(on_array, axis=1), np.nanmax(on_array, axis=1)
+    margin = 0.5 * (_BOX_FACTOR - 1.0) * (high - low) + array.cell_radius
+    centre, mean, series = _fit_linear(on_array, bundles.on_sensor[rows])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        (a, b), (c, d) = series.transpose(1, 2, 0)
+        inverse = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
+        middle = centre - np.einsum("ni,nij->nj", mean, inverse)
+        reach = limit @ np.abs(inverse)
+    # Boxes of nearly parallel light are not limited by the sensor.
+    box, index = lenses_in_boxes(array, np.fmax(low - margin, middle - reach), np.fmin(high + margin, middle + reach))
+    offset = lenses_at(array, index).axis - centre[box]
+    predicted = np.einsum("ki,kij->kj", offset, series[box]) + mean[box]
+    is_near = (np.abs(predicted) <= limit).all(axis=1)
+    return np.asarray(np.column_stack([rows[box], index])[is_near])
 
 
-def _fit_linear(positions: Floats, values: Floats, targets: Floats) -> Floats:
-    """Values (n, 2) at `targets` (n, 2) of the least-squares linear fit to values (m, 2) at positions (m, 2)."""
-    centre = positions.mean(axis=0)
-    series, *_ = np.linalg.lstsq(np.column_stack([positions - centre, np.ones(len(positions))]), values, rcond=None)
-    return np.asarray((targets - centre) @ series[:2] + series[2])
+def _fit_linear(positions: Floats, values: Floats) -> tuple[Floats, Floats, Floats]:
+    """Least-squares linear fits to values (n, f, 2) at positions (n, f, 2); those that are nan do not count.
+
+    Returns centres (n, 2), means (n, 2) and series (n, 2, 2): the value at x is mean + (x - centre) @ series.
+    """
+    is_known = np.isfinite(positions[..., :1] + values[..., :1])
+    centre, mean = (np.mean(part, axis=1, where=is_known) for part in (positions, values))
+    offset, change = (
+        np.where(is_known, part - middle[:, None], 0.0) for part, middle in ((positions, centre), (values, mean))
+    )
+    transposed = offset.transpose(0, 2, 1)
+    return centre, mean, np.linalg.pinv(transposed @ offset, hermitian=True) @ (transposed @ change)
+
+
+def sensor_limit(through: ThroughArray) -> Floats:
+    """Largest coordinates (2,) of chief rays on the sensor: a tenth of its size, or two pitches, outside."""
+    half = 0.5 * np.array(through.axes.camera.sensor.size[::-1])
+    return np.asarray(half + np.maximum(0.2 * half, 2.0 * max(through.array.pitches)))
 
 
 def lenses_at(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
     """Microlenses with lattice indices (n, 2), which may repeat."""
-    unique, row = _unique_rows(index)
+    unique, row = unique_rows(index)
     lenses = lenses_of(array, unique)
     return Lenslets(*(getattr(lenses, field.name)[row] for field in dataclasses.fields(lenses)))
 
 
-def _nearest_rays(bundles: PointBundles, number: NDArray[np.int64], positions: Floats, *, passing: bool) -> Floats:
-    """Entry points of the rays of points `number` (n,) that hit the array nearest to `positions` (n, 2), or nan."""
-    nearest_entry = np.full(positions.shape, np.nan)
-    for k, point in enumerate(bundles.number):
-        low, high = np.searchsorted(number, [point, point + 1])
-        valid = np.isfinite(bundles.arriving[k]).all(axis=1)
-        if passing:
-            valid &= bundles.passing[k]
-        if low == high or not valid.any():
-            continue
-        arriving, entering = bundles.arriving[k][valid], bundles.entering[k][valid]
-        offset = positions[low:high, None] - arriving
-        nearest_entry[low:high] = entering[np.einsum("nfi,nfi->nf", offset, offset).argmin(axis=1)]
-    return nearest_entry
+def _nearest_rays(bundles: PointBundles, number: NDArray[np.int64], positions: Floats) -> tuple[Floats, Floats]:
+    """Entry points of the rays of points `number` (n,) that hit the array nearest to `positions` (n, 2).
+
+    Of all rays, and of those that pass the lens; nan without one.
+    """
+    from plenoptic.camera.points.kernels.point_light import fill_nearest
+
+    nearest = np.empty((len(number), 2), np.int64)
+    fill_nearest(nearest, number, positions, bundles.arriving, bundles.passing)
+    entries = bundles.entering[number[:, None], nearest]
+    entries[nearest < 0] = np.nan
+    return entries[:, 0], entries[:, 1]

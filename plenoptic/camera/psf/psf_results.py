@@ -321,11 +321,11 @@ def to_camera_spread(
 
 def centroids(moments: Floats) -> tuple[Floats, Floats]:
     """Centroids (n, 2) from moments (n, replicates, 3), and their standard errors by the jackknife over replicates."""
-    total, count = moments.sum(axis=1), moments.shape[1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        leave_one_out = total[:, None] - moments
-        partial_centroids = leave_one_out[..., 1:] / leave_one_out[..., :1]
-        return total[:, 1:] / total[:, :1], np.sqrt((count - 1) * partial_centroids.var(axis=1))
+    from plenoptic.camera.psf.kernels.source_rays import fill_centroids
+
+    centroid, error = np.empty((2, len(moments), 2))
+    fill_centroids(centroid, error, moments)
+    return centroid, error
 
 
 def _fates(counts: NDArray[np.int64], rays: int) -> tuple[tuple[tuple[str, int | None], ...], Floats]:

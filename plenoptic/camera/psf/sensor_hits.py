@@ -96,6 +96,19 @@ def fill_through_array_forward(blocks: Floats, record: ForwardRecord) -> None:
     to_sensor(blocks, ArrayCrossing(array, sensor, z), differs_forward(array))
 
 
+def fill_to_sensor(blocks: Floats, record: ForwardRecord) -> None:
+    """Trace rays in front of the lens, in its axes, to points on the sensor; see `to_sensor`."""
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
+    from plenoptic.optics.microlens.kernels.to_sensor import fill_ideal_weights
+
+    fill_dust_at_lens(blocks, record.dust, BlemishSite.LENS_FRONT)
+    fill_through_lens(blocks, record.lens, None)
+    if record.ideal:
+        fill_ideal_weights(blocks)
+    fill_dust_at_lens(blocks, record.dust, BlemishSite.LENS_REAR)
+    fill_through_array_forward(blocks, record)
+
+
 class SensorDeflection(NamedTuple):
     """Diffraction deflection between array and sensor, for forward tracing."""
 
@@ -263,10 +276,8 @@ def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedR
     from plenoptic.camera.psf.kernels import source_rays
     from plenoptic.core.kernels.bundles import fill_status_counts
     from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY
-    from plenoptic.optics.lens.kernels.trace import fill_through_lens
-    from plenoptic.optics.microlens.kernels import to_sensor
 
-    sensor, dust = record.camera.sensor, record.dust
+    sensor = record.camera.sensor
     rows = np.empty(task.n, HIT)
     counts = np.zeros(CAUSES * (len(record.camera.lens.elements) + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
@@ -278,12 +289,7 @@ def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedR
         source_rays.fill_source_rays(bundle, start, n, seed, task, record.entrance.z, record.ideal, record.facing)
         if record.iris is not None:
             source_rays.fill_iris_deflections(bundle, start, n, seed, task, record.iris)
-        fill_dust_at_lens(bundle, dust, BlemishSite.LENS_FRONT)
-        fill_through_lens(bundle, record.lens, None)
-        if record.ideal:
-            to_sensor.fill_ideal_weights(bundle)
-        fill_dust_at_lens(bundle, dust, BlemishSite.LENS_REAR)
-        fill_through_array_forward(bundle, record)
+        fill_to_sensor(bundle, record)
         if record.has_losses_before_array:
             _fill_losses_behind_array(bundle, aims[: bundle.size], record)
         if record.deflection is not None:

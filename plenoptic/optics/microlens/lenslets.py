@@ -57,10 +57,8 @@ def lenslets(array: MicrolensArray, low: Floats, high: Floats) -> Lenslets:
     """Microlenses whose design centres lie in a box."""
     if np.isnan(low).any() or np.isnan(high).any():
         raise InvalidValueError(f"the box from {low} to {high} has a corner that is no number; give two points in mm")
-    if array.centres is None:
-        return lenses_of(array, _lattice_indices(array, low, high))
-    number = np.flatnonzero(((array.centres >= low) & (array.centres <= high)).all(axis=1))
-    return lenses_of(array, np.stack([number, np.zeros_like(number)], axis=1))
+    _, index = lenses_in_boxes(array, low[None], high[None])
+    return lenses_of(array, index)
 
 
 def types_of(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -71,25 +69,36 @@ def types_of(array: MicrolensArray, index: NDArray[np.int64]) -> NDArray[np.int6
     return np.asarray(pattern[index[:, 0] % pattern.shape[0], index[:, 1] % pattern.shape[1]])
 
 
-def _lattice_indices(array: MicrolensArray, low: Floats, high: Floats) -> NDArray[np.int64]:
+def lenses_in_boxes(array: MicrolensArray, low: Floats, high: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Lattice indices (k, 2) of the microlenses whose design centres lie in boxes (n, 2), and the box of each (k,)."""
+    if array.centres is not None:
+        lists = [
+            np.flatnonzero(((array.centres >= first) & (array.centres <= last)).all(axis=1))
+            for first, last in zip(low, high, strict=True)
+        ]
+        number = np.concatenate([np.empty(0, np.int64), *lists])
+        return np.repeat(np.arange(len(low)), [len(part) for part in lists]), np.column_stack([number, 0 * number])
     low, high = np.maximum(low, -array.half_extent), np.minimum(high, array.half_extent)
-    if not np.isfinite([low, high]).all():
+    if np.isinf([low, high]).any():
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
-    corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]) @ np.linalg.inv(array.basis)
-    first, last = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
-    if (first > last).any():
-        return np.empty((0, 2), np.int64)
-    if (last - first + 1).prod() > MAX_LENSES:
+    corners = np.stack([low, np.column_stack([low[:, 0], high[:, 1]]), np.column_stack([high[:, 0], low[:, 1]]), high])
+    corners = corners @ np.linalg.inv(array.basis)
+    start = np.floor(corners.min(axis=0))
+    steps = np.where(np.all(low <= high, axis=1)[:, None], np.ceil(corners.max(axis=0)) - start + 1, 0)
+    sizes = steps.prod(axis=1)
+    if sizes.max(initial=0) > MAX_LENSES:
         raise InvalidValueError(
-            f"the box holds some {(last - first + 1).prod():.3g} microlenses, and the limit is {MAX_LENSES}; "
-            "take a smaller one"
+            f"the box holds some {sizes.max():.3g} microlenses, and the limit is {MAX_LENSES}; take a smaller one"
         )
-    i, j = (np.arange(int(first[k]), int(last[k]) + 1) for k in range(2))
-    index = np.stack(np.meshgrid(i, j, indexing="ij"), axis=-1).reshape(-1, 2)
+    sizes, columns = sizes.astype(np.int64), steps[:, 1].astype(np.int64)
+    box = np.repeat(np.arange(len(low)), sizes)
+    place = np.arange(len(box)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    index = start.astype(np.int64)[box] + np.column_stack(np.divmod(place, columns[box]))
     centres = index @ array.basis
     # Rounding must not lose a lens on the border of the box.
     slack = 1e-9 * np.abs(array.basis).max(axis=0)
-    return np.asarray(index[((centres >= low - slack) & (centres <= high + slack)).all(axis=1)])
+    inside = ((centres >= low[box] - slack) & (centres <= high[box] + slack)).all(axis=1)
+    return box[inside], np.asarray(index[inside])
 
 
 def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:

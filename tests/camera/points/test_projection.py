@@ -12,7 +12,9 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_rows import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
+from plenoptic.camera.psf.sensor_hits import RayTask, forward_record, trace_task
 from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygon, entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
 
 PINHOLE, _, FLAT, SPHERICAL = pl.optics.MicrolensModel
@@ -168,6 +170,87 @@ def test_light_of_all_microlenses_is_that_of_the_point():
             scores.append((projection.centroid[k] - mean) / (1.2 * projection.centroid_error[k] + 1e-6))
     # Errors have 7 degrees of freedom, RMS 1.2 of scores, and in each thousand numbers one beyond 6.
     assert np.abs(scores).max() < 8 and np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_light_of_points_is_that_of_single_replicates_whatever_the_number_of_rays():
+    # Bundles of 8192 rays: points fill a part of one, parts of several, and replicates more than one each.
+    points = np.array([(4.0, 2.0, -390.0), (0.0, 0.0, -420.0)])
+    for camera in (camera_with(**KINDS["types"]), bare_camera(the_lens())):
+        record = forward_record(camera)
+        for each in (3, 100, 300, 8200):
+            projection = project(camera, points, rays=32 * each)
+            for k, (point, polygon) in enumerate(zip(points, entrance_polygons(record.entrance, points), strict=True)):
+                tasks = [RayTask(point, polygon.T.copy(), 0, replicate, 0, each) for replicate in range(32)]
+                light = [trace_task(record, task, np.uint64(0)).rows["weight"].sum() / each for task in tasks]
+                rows = projection.selected(projection.point == k)
+                np.testing.assert_allclose(rows.light.sum(), np.mean(light), rtol=1e-12, err_msg=str(each))
+                if projection.index is None:
+                    error = np.std(light, ddof=1) / math.sqrt(32)
+                    np.testing.assert_allclose(rows.light_error[0], error, rtol=1e-9)
+
+
+def test_rows_of_a_point_do_not_depend_on_the_other_points():
+    # Points in a cluster, and far from it; products of matrices round differently for one row and for many.
+    rng = np.random.default_rng(5)
+    points = np.column_stack([rng.uniform(-8.0, 8.0, (60, 2)), rng.uniform(-420.0, -380.0, 60)])
+    points[::7] *= 2.5
+    for name, placed in (("types", False), ("spherical", True)):
+        camera = assembled(camera_with(**KINDS[name])) if placed else camera_with(**KINDS[name])
+        world, tolerance = in_world(camera, points), 1e-9 if placed else 0.0
+        together = project(camera, world, rays=1 << 9)
+        for k in range(0, 60, 5):
+            alone, part = project(camera, world[k], rays=1 << 9), together.selected(together.point == k)
+            for column in ("index", "passes", "visible"):
+                np.testing.assert_array_equal(getattr(part, column), getattr(alone, column), err_msg=name)
+            for column in ("position", "light", "light_error", "centroid"):
+                np.testing.assert_allclose(
+                    getattr(part, column), getattr(alone, column), rtol=tolerance, atol=tolerance
+                )
+
+
+def test_chief_rays_that_pass_end_near_the_sensor():
+    # Of a fast aspheric lens, whose chief rays are far from a linear function of the microlens.
+    lens = pl.load_lens("asphere-15mm-f0.9")
+    microlenses, image = pl.MicrolensArray(0.6, (1.2,)), pl.paraxial.image_position(lens, -450.0)
+    camera = pl.PlenopticCamera(lens, pl.Sensor((1000, 1000), 0.015), image, microlenses, 0.9)
+    camera = camera.moved(pl.CameraPart.LENS, shift=(0.3, 0.15, 0.0), tilt=(0.03, -0.02, 0.1))
+    x = np.linspace(0.0, 60.0, 16)
+    projection = project(camera, np.column_stack([x, 0.3 * x, np.full(16, -40.0)]), rays=1 << 10)
+    dark = projection.light == 0
+    assert dark.sum() > 10 and projection.passes[dark].all()
+    assert np.abs(projection.position[dark]).max() <= 0.6 * 15.0
+
+
+def test_outlines_of_regions_hold_all_light():
+    # Rays of a grid over the first element pass the lens inside the polygon alone, at the edge of the field too.
+    rng, grid = (
+        np.random.default_rng(6),
+        np.stack(np.meshgrid(*[np.linspace(-30.0, 30.0, 61)] * 2), axis=-1).reshape(-1, 2),
+    )
+    for camera in (camera_with(), assembled(camera_with())):
+        record = forward_record(camera)
+        z = rng.uniform(-700.0, -200.0, 200)
+        points = np.column_stack([rng.uniform(-0.15, 0.15, (200, 2)) * np.abs(z)[:, None], z])
+        polygons, own = entrance_polygons(record.entrance, points), 0
+        for point, polygon in zip(points, polygons, strict=True):
+            start = np.column_stack([grid, np.full(len(grid), record.entrance.z)])
+            passes = trace_record(record.lens, pl.RayBundle(start, start - point)).status == 0
+            side, offset = np.roll(polygon, -1, axis=0) - polygon, grid[passes, None] - polygon
+            assert (side[:, 0] * offset[..., 1] - side[:, 1] * offset[..., 0] >= 0).all()
+            alone = entrance_polygon(record.entrance, point)
+            assert alone is not None or np.isnan(polygon).all()
+            own += alone is None or np.array_equal(alone, polygon)
+            if alone is not None:
+                extents = [np.prod(np.ptp(shape, axis=0)) for shape in (polygon, alone)]
+                assert extents[0] < 1.5 * extents[1]
+        assert own < 150
+    # The opening of a thin lens is the same for all points, and is found once for each region.
+    entrance = forward_record(camera_with(lens=the_lens(model=pl.LensModel.THIN))).entrance
+    alone = entrance_polygon(entrance, points[0])
+    for polygon in entrance_polygons(entrance, points):
+        np.testing.assert_allclose(np.sort(np.hypot(*polygon.T)), np.sort(np.hypot(*alone.T)), rtol=1e-6)
+        own += np.array_equal(polygon, alone)
+    assert own < 250
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():

@@ -11,9 +11,37 @@ from plenoptic.camera.sampling.kernels.path_numbers import DEFLECTION_SET
 from plenoptic.core.kernels.bundles import pad
 from plenoptic.core.kernels.polygons import area_of, point_in
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
-from plenoptic.core.kernels.sobol import sample, set_index, set_key, stream
-from plenoptic.core.numba.jit import kernel
+from plenoptic.core.kernels.sobol import mix, reversed_point, sample, scramble_bits, set_index, set_key, stream, to_unit
+from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.diffraction.kernels.far_field import sample_deflection
+
+
+@device
+def _fill_rays(ray, lanes, key, point, polygon, z, ideal, facing):
+    """Sample n rays from the ray `first` of a replicate on; see `fill_source_rays`. `lanes` are n and `first`.
+
+    `ray` begins at the first one in its block. Separate loops, from 0 on, are vectorised.
+    """
+    n, first = lanes
+    seed_u, seed_v = np.uint32(mix(key, np.uint64(0))), np.uint32(mix(key, np.uint64(1)))
+    x, y = ray[X : X + n], ray[Y : Y + n]
+    for j in range(n):
+        x[j] = to_unit(scramble_bits(reversed_point(first + j, 0), seed_u))
+        y[j] = to_unit(scramble_bits(reversed_point(first + j, 1), seed_v))
+    corners = polygon.shape[1]
+    area = area_of(polygon, 0, corners)
+    for j in range(n):
+        x[j], y[j] = point_in(polygon, 0, corners, x[j] * area, y[j])
+    height = z - point[2]
+    for j in range(n):
+        u, v = (x[j] - point[0]) / height, (y[j] - point[1]) / height
+        cos2 = 1.0 / (1.0 + u * u + v * v)
+        cos = math.sqrt(cos2)
+        ray[Z + j], ray[L + j], ray[M + j], ray[N + j] = z, u * cos, v * cos, cos
+        ray[STATUS + j] = 0.0
+        ray[WEIGHT + j] = area * (1.0 if ideal else cos2 * cos2) / (height * height)
+        if facing is not None:
+            ray[WEIGHT + j] *= max(facing[0] * u + facing[1] * v + facing[2], 0.0)
 
 
 @kernel
@@ -24,26 +52,27 @@ def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
     du dv = area / height^2 (see `microlens.kernels.to_sensor`). Both are for a source whose normal is the z-axis;
     `facing` is another normal, or None.
     """
-    point, polygon, first = task.point, task.polygon, task.first + start
-    area = area_of(polygon, 0, polygon.shape[1])
     key = set_key(stream(seed, task.number, task.replicate), 0)
-    height = z - point[2]
-    for k in range(n):
-        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
-        i = k % BLOCK
-        index = np.uint32(first + k)
-        x, y = point_in(polygon, 0, polygon.shape[1], sample(index, 0, key) * area, sample(index, 1, key))
-        u, v = (x - point[0]) / height, (y - point[1]) / height
-        cos2 = 1.0 / (1.0 + u * u + v * v)
-        cos = math.sqrt(cos2)
-        ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
-        ray[L + i] = u * cos
-        ray[M + i] = v * cos
-        ray[N + i] = cos
-        ray[STATUS + i] = 0.0
-        ray[WEIGHT + i] = area * (1.0 if ideal else cos2 * cos2) / (height * height)
-        if facing is not None:
-            ray[WEIGHT + i] *= max(facing[0] * u + facing[1] * v + facing[2], 0.0)
+    for k in range(0, n, BLOCK):
+        ray, end, first = blocks[k // BLOCK * RAY : (k // BLOCK + 1) * RAY], min(n - k, BLOCK), task.first + start + k
+        _fill_rays(ray, (end, first), key, task.point, task.polygon, z, ideal, facing)
+    pad(blocks, n)
+
+
+@kernel
+def fill_rays_of_points(blocks, first, n, points, each, z, ideal, facing):
+    """Sample rays first ... first + n - 1 of `PointRays`: for each point, `each` rays of each replicate.
+
+    All points have the same random numbers.
+    """
+    k = 0
+    while k < n:
+        number, index, i = (first + k) // each, (first + k) % each, k % BLOCK
+        row, replicate = number // points.replicates, number % points.replicates
+        key = set_key(stream(np.uint64(0), 0, replicate), 0)
+        ray, end = blocks[k // BLOCK * RAY + i :], min(n - k, each - index, BLOCK - i)
+        _fill_rays(ray, (end, index), key, points.point[row], points.polygon[row].T, z, ideal, facing)
+        k += end
     pad(blocks, n)
 
 
@@ -113,3 +142,25 @@ def fill_crop(crop, moments, hits, row, column):
         moments[0] += w
         moments[1] += w * hit.x
         moments[2] += w * hit.y
+
+
+@kernel
+def fill_centroids(centroid, error, moments):
+    """Centroids (n, 2) from moments (n, replicates, 3), and their standard errors by the jackknife over replicates."""
+    count = moments.shape[1]
+    for k in range(centroid.shape[0]):
+        light = 0.0
+        for i in range(count):
+            light += moments[k, i, 0]
+        for axis in range(2):
+            total = 0.0
+            for i in range(count):
+                total += moments[k, i, axis + 1]
+            centroid[k, axis] = total / light
+            # About the centroid, so that the squares do not cancel.
+            sum_, squares = 0.0, 0.0
+            for i in range(count):
+                without = (total - moments[k, i, axis + 1]) / (light - moments[k, i, 0]) - centroid[k, axis]
+                sum_ += without
+                squares += without * without
+            error[k, axis] = math.sqrt(max(squares - sum_ * sum_ / count, 0.0) * (count - 1) / count)

@@ -10,13 +10,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
 from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.outline import DARK, Guess, PupilRays, light_outline, polygon_around, up_to_stops
+from plenoptic.optics.lens.pupil.outline import (
+    DARK,
+    SIDES,
+    Guess,
+    Outline,
+    PupilRays,
+    light_outline,
+    normals_of,
+    polygon_around,
+    up_to_stops,
+)
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.trace import trace_record
 from plenoptic.optics.surfaces.surface import Surface
 
 _COARSE, _DENSE, _FINE = 64, 512, 64
@@ -25,6 +37,14 @@ the unvignetted part."""
 _HEIGHTS = 65
 _LARGEST_TANGENT = 1e3
 """Tangent of the steepest sampled ray: steeper ones carry a millionth of the light of a plane."""
+
+_REGION = 0.0625
+"""Size of the simplices of object space: displacement of the beam along the lens, or its change in size, over the
+pupil."""
+_FARTHEST = 2.0**-20
+"""Length of the lens over the distance of the farthest corner of a simplex, which lies at infinity."""
+_LONGEST = 1e150
+"""Coordinate in mm up to which points share outlines."""
 
 
 class Entrance(NamedTuple):
@@ -80,14 +100,94 @@ def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """
-    rays = PupilRays(where.parts, point, where.z)
-    with np.errstate(all="ignore"):  # the squares of a distant point may overflow; it counts as dark
-        low, high = _rim_box(where, point)
-        rim, box = Guess(low, high, _COARSE), _pupil_box(where, point)
-        outline = light_outline(rays, [rim] if box is None else [rim, Guess(*box, _COARSE)], rim, _FINE)
-        if outline is DARK:
-            outline = light_outline(rays, [rim._replace(rays=_DENSE)], rim, _FINE)
+    outline = _outline(where, point)
+    if outline is DARK:
+        rim = Guess(*_rim_box(where, point), _DENSE)
+        with np.errstate(all="ignore"):
+            outline = light_outline(PupilRays(where.parts, point, where.z), [rim], rim, _FINE)
     return None if outline is DARK else polygon_around(outline.support)
+
+
+def _outline(where: Entrance, point: Floats) -> Outline:
+    with np.errstate(all="ignore"):  # the squares of a distant point may overflow; it counts as dark
+        rim, box = Guess(*_rim_box(where, point), _COARSE), _pupil_box(where, point)
+        guesses = [rim] if box is None else [rim, Guess(*box, _COARSE)]
+        return light_outline(PupilRays(where.parts, point, where.z), guesses, rim, _FINE)
+
+
+def entrance_polygons(where: Entrance, points: Floats) -> Floats:
+    """Corners (n, SIDES, 2) of polygons as of `entrance_polygon` for points (n, 3); nan if dark.
+
+    Object space is divided into simplices, and the polygon of a point is the union of the outlines at the corners of
+    its simplex, as they lie on the plane of the entrance pupil. Points with light at the edge of that polygon have
+    their own, and so have points of simplices with a corner that is dark or sees several parts of the pupil. Polygons
+    do not depend on the other points.
+    """
+    polygons = np.full((len(points), SIDES, 2), np.nan)
+    # The squares of more distant points may overflow.
+    near = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) < _LONGEST)
+    polygons[near] = _polygons_of_simplices(where, points[near])
+    for k in np.flatnonzero(np.isnan(polygons[:, 0, 0])):
+        corners = entrance_polygon(where, points[k])
+        if corners is not None:
+            polygons[k] = corners
+    return polygons
+
+
+def _polygons_of_simplices(where: Entrance, points: Floats) -> Floats:
+    """Corners (n, SIDES, 2) of polygons around the outlines at the corners of each point's simplex; nan without one."""
+    polygons = np.full((len(points), SIDES, 2), np.nan)
+    z, semi_diameter, _ = where.pupil
+    if IDEAL in where.lens.rows["kind"] or not math.isfinite(z):
+        z = where.z
+    size = min(semi_diameter, where.reach)
+    rows = np.flatnonzero(z - points[:, 2] > 0.0) if math.isfinite(size) else np.empty(0, np.intp)
+    span = max(float(np.abs(where.lens.rows["z"] - z).max()), size)
+    distance, across = z - points[rows, 2], points[rows, 0] + 1j * points[rows, 1]
+    is_centred = where.lens.frames is None and where.lens.freeform is None
+    turn = np.exp(1j * np.angle(across)) if is_centred else np.ones(len(rows))
+    local = np.abs(across) + 0j if is_centred else across
+    # Displacement of the beam along the lens and its change in size, over that of the pupil.
+    scale = _REGION * np.array([size / span, 1.0, size / span])
+    place = np.column_stack([local.real / distance, span / distance, local.imag / distance]) / scale
+    supports = _largest_supports(where, (z, span), scale, place[:, :2] if is_centred else place)
+    shared = np.isfinite(supports[:, 0])
+    rows, distance, supports = rows[shared], distance[shared], supports[shared]
+    local, turn = local[shared], turn[shared]
+    fraction, normals = 1.0 - (z - where.z) / distance[:, None], normals_of(SIDES)
+    around = (1.0 - fraction) * (local.real[:, None] * normals[:, 0] + local.imag[:, None] * normals[:, 1])
+    corners = polygon_around(around + fraction * supports) @ (1.0, 1j) * turn[:, None]
+    edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
+    start = np.stack([edge.real, edge.imag, np.full(edge.shape, where.z)], axis=-1)
+    directions = start - points[rows, None]
+    rays = RayBundle.through(start.reshape(-1, 3), directions.reshape(-1, 3), 1.0)
+    is_dark = (trace_record(where.lens, rays, threads=1).status != 0).reshape(edge.shape).all(axis=1)
+    polygons[rows[is_dark]] = np.stack([corners.real, corners.imag], axis=-1)[is_dark]
+    return polygons
+
+
+def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats, place: Floats) -> Floats:
+    """Largest supports (n, SIDES) on the plane of the pupil of the outlines at the corners of simplices around points
+    `place` (n, 2) or (n, 3); nan if one is dark, has parts or cannot be seen. `pupil` is its z and the lens's length.
+
+    `place` is x, nearness and y over `scale`: slopes from the pupil to the point, and length over distance.
+    """
+    (z, span), normals = pupil, normals_of(SIDES)
+    first = np.floor(place)
+    # The paths from the first corner of a cube to the last one, along the axes in the order of the fractional parts.
+    steps = np.argsort(first - place, axis=1, kind="stable")[:, :, None] == np.arange(place.shape[1])
+    corners = first[:, None] + np.concatenate([np.zeros((len(place), 1, place.shape[1])), steps.cumsum(axis=1)], axis=1)
+    unique, number = np.unique(corners.reshape(-1, place.shape[1]), axis=0, return_inverse=True)
+    supports = np.full((len(unique), SIDES), np.nan)
+    for k, (x, nearness, *y) in enumerate((unique * scale[: place.shape[1]]).tolist()):
+        behind = span / max(nearness, _FARTHEST)
+        if not z - behind < where.z:
+            continue
+        point, fraction = np.array([x * behind, sum(y) * behind, z - behind]), 1.0 - (z - where.z) / behind
+        outline = _outline(where, point)
+        if outline is not DARK and not outline.parted:
+            supports[k] = (outline.support - (1.0 - fraction) * (normals @ point[:2])) / fraction
+    return np.asarray(supports[number.reshape(corners.shape[:2])].max(axis=1))
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
