@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.camera.points.projection_light import REPLICATES
 from plenoptic.camera.points.projection_rows import Rows, lenses_at, trace_rows
 from plenoptic.camera.psf.point_spread import world_points
-from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record, in_lens_axes
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, forward_record
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
@@ -133,12 +133,11 @@ def project(
     1e-9 mm. In plates (SPHERICAL, FLAT_HIGH_INDEX) the chief ray passes the vertex of the curved side and leaves the
     plate parallel to itself. Deviations of single microlenses (`imperfections`) and placements of parts are included.
 
-    Light is traced as in `point_spread`, with the same random numbers for all points, aimed at an outline of the pupil
-    that points near each other share: errors of such points are correlated, and rows of a point do not depend on the
-    other points of the call. Light below that of a single ray, a fraction 1 / rays of the light through the lens, may
-    be missed at microlenses that the chief ray does not reach. With a scene, shadow rays run from the point towards the
-    lens along the chief ray if it passes, otherwise along a ray that passes the lens and hits the array near the
-    microlens.
+    Light is traced as in `point_spread`, aimed at an outline of the pupil that points near each other share. Its random
+    numbers follow from the coordinates of the point: rows of a point do not depend on the other points of the call.
+    Light below that of a single ray, a fraction 1 / rays of the light through the lens, may be missed at microlenses
+    that the chief ray does not reach. With a scene, shadow rays run from the point towards the lens along the chief ray
+    if it passes, otherwise along a ray that passes the lens and hits the array near the microlens.
 
     Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels are ignored. Light
     through clear gaps between openings belongs to the cell that it passes.
@@ -160,7 +159,7 @@ def project(
     workers = thread_count(threads)
     with CallProgress("projecting", kind="camera", show=progress):
         record = forward_record(camera)
-        rows = trace_rows(record, in_lens_axes(record, world), rays_per_replicate, workers)
+        rows = trace_rows(record, world, rays_per_replicate, workers)
         projection = _to_projection(record, world, rows)
         return projection if scene is None else _keep_visible(record, projection, rows.entering, scene)
 

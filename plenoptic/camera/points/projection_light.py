@@ -20,6 +20,8 @@ class PointRays(NamedTuple):
 
     number: NDArray[np.int64]
     """(n,): number of each point."""
+    bits: NDArray[np.uint64]
+    """(n, 3): bits of its coordinates in the world."""
     point: Floats
     """(n, 3)"""
     polygon: Floats

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import ArrayAxes, array_axes
 from plenoptic.camera.points.projection_light import REPLICATES, PointRays, SensorLight, light_of_points, unique_rows
 from plenoptic.camera.psf.psf_results import centroids
-from plenoptic.camera.psf.sensor_hits import ForwardRecord
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, in_lens_axes
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -184,9 +184,10 @@ class Rows(NamedTuple):
     """(k, 2): entry point of the ray that represents the light."""
 
 
-def trace_rows(record: ForwardRecord, points: Floats, rays_per_replicate: int, threads: int) -> Rows:
-    """Compute the rows of points (n, 3) in the lens's axes."""
-    polygons, array = entrance_polygons(record.entrance, points), record.camera.microlenses
+def trace_rows(record: ForwardRecord, world: Floats, rays_per_replicate: int, threads: int) -> Rows:
+    """Compute the rows of points (n, 3) in the world."""
+    points, array = in_lens_axes(record, world), record.camera.microlenses
+    polygons, bits = entrance_polygons(record.entrance, points), (world + 0.0).view(np.uint64)  # 0 and -0 are one
     starts = range(0, max(len(points), 1), _POINTS)
     # A few points with many rays are traced by all threads.
     workers = threads if len(starts) == 1 else 1
@@ -194,7 +195,7 @@ def trace_rows(record: ForwardRecord, points: Floats, rays_per_replicate: int, t
     def trace(start: int) -> Rows:
         number = np.arange(start, min(start + _POINTS, len(points)))
         lit = number[np.isfinite(polygons[number, 0, 0])]
-        rays = PointRays(lit, points[lit], polygons[lit])
+        rays = PointRays(lit, bits[lit], points[lit], polygons[lit])
         focuses = array is None or array.model.focuses
         light = light_of_points(record, rays, rays_per_replicate if focuses else 0, workers)
         if array is None:
@@ -252,19 +253,21 @@ def _rows_through_microlenses(
     moments[row[: len(light.keys)]] = light.moments
     number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
     points, aim = rays.point[number], Aim(entrance.bare, through.intersections)
-    start, passing_entry = _nearest_rays(bundles, number, centres)
-    entering = aim_rays(entrance, aim, points, centres, start)
-    passes = trace_record(entrance.lens, entrance.through(points, entering)).status == 0
-    lit = np.asarray((moments[:, :, 0] > 0).any(axis=1))
+    nearest_entry, passing_entry = _nearest_rays(bundles, number, centres)
+    entering, passes = np.full(centres.shape, np.nan), np.zeros(len(keys), bool)
+
+    def aim_from(start: Floats) -> None:
+        """Aim the rays again that do not pass."""
+        rows = np.flatnonzero(~passes & np.isfinite(start[:, 0]))
+        entry = aim_rays(entrance, aim, points[rows], centres[rows], start[rows])
+        passes[rows] = trace_record(entrance.lens, entrance.through(points[rows], entry)).status == 0
+        better = passes[rows] | np.isnan(entering[rows, 0])
+        entering[rows[better]] = entry[better]
+
+    aim_from(nearest_entry)
     # Strong lenses have several rays from a point to a microlens: use one that passes.
-    has_other_start = np.isfinite(passing_entry[:, 0]) & (passing_entry[:, 0] != start[:, 0])
-    retry = np.flatnonzero(~passes & has_other_start)
-    if len(retry):
-        other_entry = aim_rays(entrance, aim, points[retry], centres[retry], passing_entry[retry])
-        is_unvignetted = trace_record(entrance.lens, entrance.through(points[retry], other_entry)).status == 0
-        passes[retry] = is_unvignetted
-        better = is_unvignetted | np.isnan(entering[retry, 0])
-        entering[retry[better]] = other_entry[better]
+    aim_from(np.where(passing_entry[:, :1] != nearest_entry[:, :1], passing_entry, np.nan))
+    lit = np.asarray((moments[:, :, 0] > 0).any(axis=1))
     rows = np.flatnonzero(passes | lit)
     chief = trace_record(entrance.bare, entrance.through(points[rows], entering[rows]))
     position = through.sensor_points(centres[rows], chief)

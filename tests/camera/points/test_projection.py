@@ -13,6 +13,7 @@ from plenoptic.camera.points.projection import project
 from plenoptic.camera.points.projection_rows import Aim, EntranceRays, ThroughArray, aim_rays
 from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.psf.sensor_hits import RayTask, forward_record, trace_task
+from plenoptic.core.kernels.sobol import mix
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygon, entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
@@ -181,7 +182,10 @@ def test_light_of_points_is_that_of_single_replicates_whatever_the_number_of_ray
             projection = project(camera, points, rays=32 * each)
             for k, (point, polygon) in enumerate(zip(points, entrance_polygons(record.entrance, points), strict=True)):
                 tasks = [RayTask(point, polygon.T.copy(), 0, replicate, 0, each) for replicate in range(32)]
-                light = [trace_task(record, task, np.uint64(0)).rows["weight"].sum() / each for task in tasks]
+                x, y, z = point.view(np.uint64)
+                with np.errstate(over="ignore"):
+                    seed = mix(mix(x, y), z)
+                light = [trace_task(record, task, seed).rows["weight"].sum() / each for task in tasks]
                 rows = projection.selected(projection.point == k)
                 np.testing.assert_allclose(rows.light.sum(), np.mean(light), rtol=1e-12, err_msg=str(each))
                 if projection.index is None:

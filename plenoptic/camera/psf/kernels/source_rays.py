@@ -63,13 +63,14 @@ def fill_source_rays(blocks, start, n, seed, task, z, ideal, facing):
 def fill_rays_of_points(blocks, first, n, points, each, z, ideal, facing):
     """Sample rays first ... first + n - 1 of `PointRays`: for each point, `each` rays of each replicate.
 
-    All points have the same random numbers.
+    The bits of the coordinates of a point are the seed of its random numbers.
     """
     k = 0
     while k < n:
         number, index, i = (first + k) // each, (first + k) % each, k % BLOCK
         row, replicate = number // points.replicates, number % points.replicates
-        key = set_key(stream(np.uint64(0), 0, replicate), 0)
+        seed = mix(mix(points.bits[row, 0], points.bits[row, 1]), points.bits[row, 2])
+        key = set_key(stream(seed, 0, replicate), 0)
         ray, end = blocks[k // BLOCK * RAY + i :], min(n - k, each - index, BLOCK - i)
         _fill_rays(ray, (end, index), key, points.point[row], points.polygon[row].T, z, ideal, facing)
         k += end
