@@ -19,6 +19,7 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", metavar="FILE", help="a scene (glTF, OBJ, PLY, STL); otherwise the bundled kinds")
     text = "a camera (JSON), or an image or package that holds one; otherwise the bundled kinds"
     parser.add_argument("--camera", metavar="FILE", help=text)
+    parser.add_argument("--depth", action="store_true", help="also what views and depth need")
     add_progress(parser)
 
 
@@ -30,7 +31,8 @@ def run(options: argparse.Namespace) -> None:
     scenes = {options.scene: load_scene(options.scene)} if options.scene else _scenes()
     for scene_name, scene in scenes.items():
         for name, camera in cameras.items():
-            print(f"{scene_name}, {name}: {warm_up(scene, camera, progress=options.progress)}", flush=True)
+            done = warm_up(scene, camera, depth=options.depth, progress=options.progress)
+            print(f"{scene_name}, {name}: {done}", flush=True)
 
 
 def _scenes() -> dict[str, Scene]:

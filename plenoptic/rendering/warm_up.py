@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 import warnings
@@ -11,7 +12,7 @@ import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.gaussian import object_plane
+from plenoptic.camera.gaussian import CameraKind, object_plane
 from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.psf.point_spread import point_spread
@@ -30,6 +31,8 @@ _HALF = 16
 """Half side in pixels of the rendered square: a micro image with its rim."""
 _FAR = 1e3
 """Distance of the projected point in mm, without a plane in focus."""
+_IMAGES = 4
+"""Micro images on a side of the sensor from which depth is estimated."""
 
 
 @value
@@ -61,7 +64,14 @@ class WarmUp:
         return f"compiled in {self.seconds:.2g} s: {first}{more}"
 
 
-def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Truth.ALL, progress: bool = True) -> WarmUp:
+def warm_up(
+    scene: Scene | None,
+    camera: PlenopticCamera,
+    *,
+    truth: Truth = Truth.ALL,
+    depth: bool = False,
+    progress: bool = True,
+) -> WarmUp:
     """Compile the kernels of renders, ground truth and projections of a scene and a camera.
 
     Each is run for few pixels. Compiled code is stored on disk, so that other processes, too, render such scenes
@@ -75,6 +85,8 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     camera : PlenopticCamera
     truth : Truth, optional
         The ground truth that will be requested.
+    depth : bool, optional
+        Whether views and depth will be computed from the raw image too.
     progress : bool, optional
         Whether to show that something is being compiled.
 
@@ -101,6 +113,8 @@ def warm_up(scene: Scene | None, camera: PlenopticCamera, *, truth: Truth = Trut
     with CallProgress("warming up", kind="scene", show=progress), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # few pixels may be dark or miss the scene
         _run_small(scene, camera, requested)
+        if depth and scene is not None and camera.microlenses is not None:
+            _estimate_depth(scene, camera)
     return WarmUp(tuple(compiling.names[before:]), time.perf_counter() - begin)
 
 
@@ -119,6 +133,23 @@ def _run_small(scene: Scene | None, camera: PlenopticCamera, truth: Truth) -> No
     project(camera, point := _point(camera), scene=scene, rays=32)
     if array is None or array.model.focuses:
         point_spread(camera, point, rays=32)
+
+
+def _estimate_depth(scene: Scene, camera: PlenopticCamera) -> None:
+    """Compute views and depth from a few micro images."""
+    from plenoptic import lightfield
+
+    report, sensor = camera.report(), camera.sensor
+    side = math.ceil(_IMAGES * max(report.image_pitch_pixels or 0.0, 1.0))
+    shape = min(sensor.shape[0], side), min(sensor.shape[1], side)
+    small = dataclasses.replace(camera, sensor=dataclasses.replace(sensor, shape=shape))
+    white = render_white(small, samples=2, progress=False)
+    shot = render(scene, small, samples=2, progress=False)
+    if report.kind is CameraKind.PLENOPTIC_1:
+        lightfield.depth(lightfield.decode(shot, white), progress=False)
+    else:
+        depth = lightfield.depth(shot, white, progress=False)
+        lightfield.render_view(shot, white, depth, progress=False)
 
 
 def _point(camera: PlenopticCamera) -> Floats:

@@ -152,12 +152,12 @@ def test_warnings_take_one_line_and_interrupted_it_ends_with_130(capsys, monkeyp
 def test_warm_up_names_scene_and_camera(files, capsys, monkeypatch):
     given = []
     done = warming.WarmUp(("fill_through_lens",), 1.5)
-    monkeypatch.setattr(warming, "warm_up", lambda scene, camera, *, progress: given.append((scene, camera)) or done)
-    assert main(["warm-up", "--scene", "wall.obj", "--camera", "shot.exr"]) == 0
+    monkeypatch.setattr(warming, "warm_up", lambda *of, depth, progress: given.append((*of, depth)) or done)
+    assert main(["warm-up", "--scene", "wall.obj", "--camera", "shot.exr", "--depth"]) == 0
     assert capsys.readouterr().out == "wall.obj, shot.exr: compiled in 1.5 s: fill_through_lens\n"
     assert given[0][1] == CAMERA and len(given[0][0].meshes) == 1
     assert main(["warm-up"]) == 0
-    assert len(given) == 1 + 9
+    assert [depth for *_, depth in given] == [True] + 9 * [False]
 
 
 def test_it_is_a_program(files):

@@ -121,14 +121,15 @@ def test_a_plan_says_why():
 
 
 def test_after_warm_up_nothing_is_compiled():
-    scene, camera = pl.check_scene(), dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(48, 48), pixel_pitch=0.01))
-    pl.warm_up(scene, camera, progress=False)
+    scene, camera = pl.check_scene(), dataclasses.replace(CAMERA, sensor=pl.Sensor(shape=(99, 99), pixel_pitch=0.01))
+    pl.warm_up(scene, camera, depth=True, progress=False)
     before = list(compiling.names)
-    again = pl.warm_up(scene, camera, progress=False)
+    again = pl.warm_up(scene, camera, depth=True, progress=False)
     assert again.kernels == () and again.seconds < 5.0 and "nothing" in repr(again)
-    pl.render(scene, camera, samples=4, truth=pl.Truth.ALL, progress=False)
+    shot = pl.render(scene, camera, samples=4, truth=pl.Truth.ALL, progress=False)
     pl.render(scene, camera, target_error=0.5, samples=16, progress=False)
-    pl.render_white(camera, samples=4, progress=False)
+    white = pl.render_white(camera, samples=4, progress=False)
+    pl.lightfield.render_view(shot, white, pl.lightfield.depth(shot, white))
     pl.ground_truth(scene, camera)
     camera.project([(0, 0, -404), (1, 2, -404)], scene)
     pl.point_spread(camera, (0, 0, -404), rays=64)
@@ -142,5 +143,8 @@ def test_warm_up_for_cameras_of_all_kinds_and_no_scene():
     for camera in (posed, pl.PlenopticCamera(lens=CAMERA.lens, sensor=sensor, stop_to_microlenses=134.6)):
         pl.warm_up(None, camera, progress=False)
         assert pl.warm_up(None, camera, progress=False).kernels == ()
+    # Views of a 1.0 camera, of which a sensor may show parts of two micro images alone.
+    unfocused = pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1, shape=(30, 48))
+    pl.warm_up(pl.check_scene(), unfocused, depth=True, progress=False)
     with pytest.raises(pl.errors.InvalidValueError, match="scene is a PlenopticCamera"):
         pl.warm_up(CAMERA, CAMERA)
