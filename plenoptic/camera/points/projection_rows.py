@@ -251,7 +251,7 @@ def _rows_through_microlenses(
     keys, row = unique_rows(np.concatenate([light.keys, _candidate_keys(bundles, through)]))
     moments = np.zeros((len(keys), REPLICATES, 3))
     moments[row[: len(light.keys)]] = light.moments
-    number, centres = keys[:, 0], axes.local(lenses_at(array, keys[:, 1:]).axis)
+    number, centres = np.ascontiguousarray(keys[:, 0]), axes.local(lenses_at(array, keys[:, 1:]).axis)
     points, aim = rays.point[number], Aim(entrance.bare, through.intersections)
     nearest_entry, passing_entry = _nearest_rays(bundles, number, centres)
     entering, passes = np.full(centres.shape, np.nan), np.zeros(len(keys), bool)
