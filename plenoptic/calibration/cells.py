@@ -31,7 +31,7 @@ class Cell:
         self.pitch = float(lengths.min())
 
     def moments(self, plane: WhitePlane, centre: Floats, limits: Floats | None = None) -> WindowMoments:
-        """Moments of the light in cells around centres (n, 2), u and v.
+        """Moments of the light in cells around centres (n, 2).
 
         `limits` (n, 3, 2) are distances of the borders from the centres, backwards and forwards along the steps to
         neighbours; None: half of the steps.
@@ -40,12 +40,12 @@ class Cell:
 
         def weights(part: slice, offset: Floats) -> Floats:
             weight = np.ones(offset.shape[:-1])
-            for k, (u, v) in enumerate(self.normals.tolist()):
-                along, (back, front) = u * offset[..., 1] + v * offset[..., 0], limits[part, k].T[..., None]
+            for k, normal in enumerate(self.normals):
+                along, (back, front) = offset @ normal, limits[part, k].T[..., None]
                 weight *= np.clip(0.5 + np.minimum(back + along, front - along) / _BORDER, 0.0, 1.0)
             return weight
 
-        return window_moments(plane.light, centre[:, ::-1], self.reach, weights, plane.variance)
+        return window_moments(plane.light, centre, self.reach, weights, plane.variance)
 
     def limits(self, grid: MicroImageGrid, index: NDArray[np.int64], centre: Floats) -> Floats:
         """Distances (n, 3, 2) of borders halfway between measured centres (n, 2), or those of the grid."""

@@ -69,12 +69,12 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
             raise ValueError(f"it has the lens types {types}; the format has 0, 1 and 2")
     except (ElementTree.ParseError, ValueError, KeyError) as error:
         raise FileError(f"{str(file)!r} holds no lattice of micro images: {error}") from error
-    # y goes up in the file, and v down.
-    turn = diameter * np.array([[math.cos(rotation), -math.sin(rotation)], [-math.sin(rotation), -math.cos(rotation)]])
+    # y goes up in the file, and rows down.
+    turn = diameter * np.array([[-math.sin(rotation), math.cos(rotation)], [-math.cos(rotation), -math.sin(rotation)]])
     k, l = np.indices((_TYPES, _TYPES))
     return MicroImageGrid(
         Lattice.HEXAGONAL,
-        origin=(0.5 * (columns - 1) + x, 0.5 * (rows - 1) - y),
+        origin=(0.5 * (rows - 1) - y, 0.5 * (columns - 1) + x),
         basis=np.array([along, across]) @ turn,
         shape=(rows, columns),
         type_pattern=(l - k) % _TYPES,

@@ -26,7 +26,7 @@ NO_LATTICE = "the image shows no lattice of micro images: "
 
 
 def lattice_steps(plane: Floats) -> Floats:
-    """Two shortest steps (2, 2), columns and rows, by which the centre of an image (H, W) repeats."""
+    """Two shortest steps (2, 2) by which the centre of an image (H, W) repeats."""
     shape = np.minimum(plane.shape, _PATCH)
     first = (np.array(plane.shape) - shape) // 2
     patch = plane[first[0] : first[0] + shape[0], first[1] : first[1] + shape[1]]
@@ -49,7 +49,7 @@ def lattice_steps(plane: Floats) -> Floats:
         near = (np.abs(orders - np.rint(orders)).max(axis=1) < 0.2) & (np.hypot(*steps.T) < 2.0 * length)
         basis = np.linalg.lstsq(np.rint(orders[near]), steps[near], rcond=None)[0]
         length *= 2.0
-    return np.asarray(basis[:, ::-1])
+    return basis
 
 
 def _autocorrelation(patch: Floats) -> Floats:
@@ -93,8 +93,8 @@ def _shortest(steps: Floats) -> Floats:
 def lattice_of(basis: Floats) -> tuple[Lattice, Floats]:
     """Kind of the lattice with steps (2, 2), and its steps as `MicroImageGrid` has them.
 
-    The first step is nearest to the columns' direction u, the second to v; in hexagonal lattices along the columns the
-    second step is the nearest one.
+    The first step points to smaller columns, the second to larger rows; one of the two steps of a hexagonal lattice,
+    the one that does so better.
     """
     a, b = basis
     b = b - np.rint(a @ b / (a @ a)) * a
@@ -116,9 +116,9 @@ def lattice_of(basis: Floats) -> tuple[Lattice, Floats]:
 
 def _sort_steps(steps: list[Floats], *, hexagonal: bool) -> Floats:
     both = np.array([sign * step for step in steps for sign in (1.0, -1.0)])
-    k, l = both[both[:, 0].argmax()], both[both[:, 1].argmax()]
+    k, l = both[both[:, 1].argmin()], both[both[:, 0].argmax()]
     if hexagonal:
-        along_rows = k[0] / np.hypot(*k) >= l[1] / np.hypot(*l)
+        along_rows = -k[1] / np.hypot(*k) >= l[0] / np.hypot(*l)
         fixed = k if along_rows else l
         # The neighbour 60 degrees from it, towards the other axis.
         other = both[np.argmax(both @ fixed - 1e6 * (_cross(k, both) <= 0 if along_rows else _cross(both, l) <= 0))]

@@ -92,7 +92,7 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     for _ in range(_STEPS):
         places = origin + _around(_START) @ basis
         gain = cell.gain(plane, places)
-        origin = origin + np.nanmedian(cell.moments(plane, places).centroid[:, ::-1] - places, axis=0) / (1.0 - gain)
+        origin = origin + np.nanmedian(cell.moments(plane, places).centroid - places, axis=0) / (1.0 - gain)
     if gain > _MAX_GAIN:
         raise InvalidValueError(
             "micro images cannot be told from their borders: they overlap, or show a scene; give an image of a uniform "
@@ -111,12 +111,12 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
         grid = dataclasses.replace(grid, type_pattern=pattern)
         regular = _is_regular(grid, index, moments, gain)
         index, places, moments = index[regular], places[regular], moments.rows(regular)
-        centre, error = moments.centroid[:, ::-1], moments.error[:, ::-1]
+        centre, error = moments.centroid, moments.error
         grid = _fit_smooth(grid, index, places + (centre - places) / (1.0 - gain), error)
     moments = cell.moments(plane, centre, cell.limits(grid, index, centre))
     is_whole = np.isfinite(moments.light)
     index, moments = index[is_whole], moments.rows(is_whole)
-    centre, error = moments.centroid[:, ::-1], moments.error[:, ::-1]
+    centre, error = moments.centroid, moments.error
     scatter = _scatter(_differences(grid, index, centre))
     return dataclasses.replace(
         grid,
@@ -134,14 +134,14 @@ def _around(steps: int) -> NDArray[np.int64]:
 
 
 def _first_centre(plane: WhitePlane, basis: Floats, cell: Cell) -> Floats:
-    """Place (u, v) of a micro image near the centre of the image: there light is nearest to the centres of cells."""
-    middle = 0.5 * (np.array(plane.light.shape[::-1]) - 1.0)
+    """Place of a micro image near the centre of the image: there light is nearest to the centres of cells."""
+    middle = 0.5 * (np.array(plane.light.shape) - 1.0)
     steps = _around(_START)
     trials = np.stack(np.meshgrid(*[np.arange(_TRIALS) / _TRIALS] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     places = middle + trials @ basis
     nodes = (places[:, None] + steps @ basis).reshape(-1, 2)
     moments = cell.moments(plane, nodes)
-    about_node = moments.second + ((moments.centroid[:, ::-1] - nodes) ** 2).sum(axis=1)
+    about_node = moments.second + ((moments.centroid - nodes) ** 2).sum(axis=1)
     total, light = (
         np.nansum((x * moments.light).reshape(len(trials), -1), axis=1) for x in (about_node, np.ones(len(nodes)))
     )
@@ -155,7 +155,7 @@ def _first_centre(plane: WhitePlane, basis: Floats, cell: Cell) -> Floats:
 def _grow(plane: WhitePlane, grid: MicroImageGrid, cell: Cell, gain: float) -> MicroImageGrid:
     """Fit a lattice to micro images farther and farther from its origin."""
     middle, inner, outer = grid.origin, 0.0, (_START + 0.5) * cell.pitch
-    reach = np.hypot(*np.maximum(middle, np.array(grid.shape[::-1]) - middle))
+    reach = np.hypot(*np.maximum(middle, np.array(grid.shape) - middle))
     index, rows = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 5))
     while True:
         nodes = grid.on_sensor
@@ -163,9 +163,9 @@ def _grow(plane: WhitePlane, grid: MicroImageGrid, cell: Cell, gain: float) -> M
         distance = np.hypot(*(predicted - middle).T)
         is_new = (distance >= inner) & (distance < outer)
         moments = cell.moments(plane, predicted[is_new])
-        step = (moments.centroid[:, ::-1] - predicted[is_new]) / (1.0 - gain)
+        step = (moments.centroid - predicted[is_new]) / (1.0 - gain)
         centre, is_near = predicted[is_new] + step, np.hypot(*step.T) < _MOST_MISSED * cell.pitch
-        measured = np.column_stack([moments.light, centre, moments.error[:, ::-1]])
+        measured = np.column_stack([moments.light, centre, moments.error])
         index, rows = np.concatenate([index, nodes[is_new][is_near]]), np.concatenate([rows, measured[is_near]])
         is_lit = rows[:, 0] > _MIN_LIGHT * np.quantile(rows[:, 0], 0.9) if len(rows) else np.zeros(0, dtype=bool)
         count = np.count_nonzero(is_lit)
@@ -185,7 +185,7 @@ def _is_regular(
     typical = np.array([np.median(moments.light[types == t]) for t in range(types.max() + 1)])[types]
     light = np.log(np.maximum(moments.light / typical, _MIN_LIGHT))
     light = neighbour_differences(index, light[:, None])[:, 0]
-    offset = _differences(grid, index, moments.centroid[:, ::-1])
+    offset = _differences(grid, index, moments.centroid)
     distance, scatter, light_scatter = np.hypot(*offset.T), _scatter(offset), _scatter(light)
     if light_scatter > _SCENE_LIGHT or scatter > _SCENE_SHIFT * grid.pitch:
         raise InvalidValueError(
@@ -237,11 +237,11 @@ def _fit(
 
     By least squares with Huber's weights. The deviation is free of constants and linear functions.
     """
-    x, y = grid.sensor_fractions(grid.origin + index @ grid.basis).T
+    y, x = grid.sensor_fractions(grid.origin + index @ grid.basis).T
     scale = np.maximum(np.abs(index).max(axis=0), 1)
     i, j = np.indices((degree + 1, degree + 1))
     is_free = (i + j > 1) & (i + j <= degree)
-    products = chebyshev.chebvander2d(x, y, [degree, degree])[:, is_free.ravel()]
+    products = chebyshev.chebvander2d(y, x, [degree, degree])[:, is_free.ravel()]
     design, weight = np.column_stack([np.ones(len(index)), index / scale, products]), np.ones(len(index))
     for _ in range(_REWEIGHTINGS):
         weighted = design * weight[:, None] ** 2

@@ -10,8 +10,8 @@ import plenoptic as pl
 from plenoptic.errors import InvalidValueError
 
 
-def grid_of(lattice=pl.Lattice.HEXAGONAL, basis=((20.0, 0.3), (9.8, 17.2)), **fields):
-    return pl.calibration.MicroImageGrid(lattice, origin=(101.3, 80.2), basis=basis, shape=(160, 200), **fields)
+def grid_of(lattice=pl.Lattice.HEXAGONAL, basis=((0.3, -20.0), (17.2, -9.8)), **fields):
+    return pl.calibration.MicroImageGrid(lattice, origin=(80.2, 101.3), basis=basis, shape=(160, 200), **fields)
 
 
 def bent():
@@ -21,8 +21,8 @@ def bent():
 
 
 def test_indices_are_those_of_the_nearest_centres():
-    points = np.random.default_rng(2).uniform((-5, -5), (205, 165), (300, 2))
-    for grid in (grid_of(), bent(), grid_of(pl.Lattice.RECTANGULAR, ((20.0, 1.0), (-1.2, 24.0)))):
+    points = np.random.default_rng(2).uniform((-5, -5), (165, 205), (300, 2))
+    for grid in (grid_of(), bent(), grid_of(pl.Lattice.RECTANGULAR, ((1.0, -20.0), (24.0, 1.2)))):
         index = grid.on_sensor
         np.testing.assert_array_equal(grid.indices_of(grid.centres_of(index)), index)
         around = np.stack(np.meshgrid(*[np.arange(-20, 21)] * 2), axis=-1).reshape(-1, 2)
@@ -37,15 +37,15 @@ def test_indices_are_those_of_the_nearest_centres():
 def test_all_micro_images_on_the_sensor_are_listed():
     for grid in (grid_of(), bent()):
         around = np.stack(np.meshgrid(*[np.arange(-30, 31)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        u, v = grid.centres_of(around).T
-        expected = around[(u >= -0.5) & (u <= 199.5) & (v >= -0.5) & (v <= 159.5)]
+        row, column = grid.centres_of(around).T
+        expected = around[(row >= -0.5) & (row <= 159.5) & (column >= -0.5) & (column <= 199.5)]
         np.testing.assert_array_equal(grid.on_sensor, expected)
 
 
 def test_rotation_is_the_least_angle_from_rows_or_columns():
     for lattice, rows, columns in (
-        (pl.Lattice.HEXAGONAL, [(1.0, 0.0), (0.5, math.sqrt(0.75))], [(math.sqrt(0.75), 0.5), (0.0, 1.0)]),
-        (pl.Lattice.RECTANGULAR, [(1.0, 0.0), (0.0, 1.3)], None),
+        (pl.Lattice.HEXAGONAL, [(0.0, -1.0), (math.sqrt(0.75), -0.5)], [(0.5, -math.sqrt(0.75)), (1.0, 0.0)]),
+        (pl.Lattice.RECTANGULAR, [(0.0, -1.0), (1.3, 0.0)], None),
     ):
         for angle in (-0.2, 0.0, 0.07, 0.25):
             turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
@@ -71,7 +71,9 @@ def test_impossible_grids_are_refused():
     steep[0, 2] = 30.0
     for fields, reason in (
         ({"lattice": pl.Lattice.FREE}, "FREE"),
-        ({"basis": ((20.0, 0.0), (40.0, 0.1))}, "different directions"),
+        ({"basis": ((0.0, -20.0), (0.1, -40.0))}, "different directions"),
+        ({"basis": ((17.2, -9.8), (0.3, -20.0))}, "mirrored"),
+        ({"basis": ((0.3, -20.0), (17.2, 10.2))}, "60 degrees"),
         ({"centre": [(1.0, 2.0)]}, "without index"),
         ({"index": [(0, 0)], "radius": [1.0, 2.0]}, "radius has shape"),
         ({"deviation": steep}, "half a pixel"),

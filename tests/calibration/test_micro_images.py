@@ -18,16 +18,16 @@ def drawn(basis, shape=(260, 320), radius=8.6, electrons=5000.0, bits=12, blur=(
     rng = np.random.default_rng(4)
     cos, sin = math.cos(turn), math.sin(turn)
     steps = np.stack(np.meshgrid(*[np.arange(-40, 41)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    centres = steps @ np.array(basis) @ [[cos, sin], [-sin, cos]] + (153.2, 131.7)
-    near = (centres > -12).all(axis=1) & (centres < np.array(shape[::-1]) + 12).all(axis=1)
+    centres = steps @ np.array(basis) @ [[cos, sin], [-sin, cos]] + (131.7, 153.2)
+    near = (centres > -12).all(axis=1) & (centres < np.array(shape) + 12).all(axis=1)
     steps, centres = steps[near], centres[near]
     lit = rng.random(len(centres)) >= dead
     row, column = np.mgrid[: shape[0], : shape[1]]
     light = np.zeros(shape)
-    for (u, v), (k, l), is_lit in zip(centres, steps, lit, strict=True):
-        part = np.s_[max(int(v) - 16, 0) : int(v) + 17, max(int(u) - 16, 0) : int(u) + 17]
-        distance = np.hypot(column[part] - u, row[part] - v)
-        vignetting = 1.0 - 0.5 * ((u / shape[1] - 0.5) ** 2 + (v / shape[0] - 0.5) ** 2)
+    for (r, c), (k, l), is_lit in zip(centres, steps, lit, strict=True):
+        part = np.s_[max(int(r) - 16, 0) : int(r) + 17, max(int(c) - 16, 0) : int(c) + 17]
+        distance = np.hypot(row[part] - r, column[part] - c)
+        vignetting = 1.0 - 0.5 * ((r / shape[0] - 0.5) ** 2 + (c / shape[1] - 0.5) ** 2)
         profile = np.clip(0.5 + (radius - distance) / blur[(k - l) % len(blur)], 0.0, 1.0)
         light[part] += is_lit * vignetting * profile
     noisy = rng.poisson(electrons * light) + rng.normal(0.0, 4.0, shape) + 0.03 * electrons
@@ -41,10 +41,10 @@ def errors_of(grid, centres):
 
 
 LATTICES = {
-    "along rows": (HEXAGONAL, [(20.0, 0.0), (10.0, 20.0 * ROOT)], True),
-    "along columns": (HEXAGONAL, [(20.0 * ROOT, 10.0), (0.0, 20.0)], False),
-    "square": (SQUARE, [(20.0, 0.0), (0.0, 20.0)], True),
-    "rectangular": (RECTANGULAR, [(20.0, 0.0), (0.0, 24.0)], True),
+    "along rows": (HEXAGONAL, [(0.0, -20.0), (20.0 * ROOT, -10.0)], True),
+    "along columns": (HEXAGONAL, [(10.0, -20.0 * ROOT), (20.0, 0.0)], False),
+    "square": (SQUARE, [(0.0, -20.0), (20.0, 0.0)], True),
+    "rectangular": (RECTANGULAR, [(0.0, -20.0), (24.0, 0.0)], True),
 }
 
 
@@ -116,7 +116,7 @@ def test_what_is_no_white_image_is_refused():
     for raw, reason in (
         (rng.poisson(500.0 + 9.0 * row), "shows no lattice of micro images"),
         (1000.0 + 300.0 * np.sin(column / 3.0) + rng.normal(0.0, 10.0, (260, 320)), "no lattice"),
-        (scene, "scene"),
+        (scene, "scene|not white"),
         (np.minimum(image, 2000), "saturated"),
         (rng.poisson(1.0, (200, 200)), "too dark"),
         (drawn(basis, radius=10.4, full=0.3)[0], "overlap|no lattice"),
@@ -174,8 +174,35 @@ def test_centres_are_the_centroids_of_the_camera(name):
     camera, raw = rendered(*RENDERED[name])
     grid = find(raw)
     truth = pl.microlens_centres(camera, pl.CentreMethod.CENTROID, margin=1.0, progress=False)
-    error = errors_of(grid, truth.pixel[np.isfinite(truth.pixel[:, 0]), ::-1])
+    error = errors_of(grid, truth.pixel[np.isfinite(truth.pixel[:, 0])])
     assert grid.lattice is camera.microlenses.lattice
     assert len(np.unique(grid.type_pattern)) == len(camera.microlenses.focal_lengths)
     assert np.sqrt(np.mean(error**2)) < 0.02 and len(grid.index) > 50
     assert np.sqrt(np.mean((error / grid.standard_error) ** 2)) < 2.0
+
+
+@pytest.mark.parametrize("lattice, turn", [(HEXAGONAL, -0.003), (HEXAGONAL, math.pi / 2 + 0.002), (SQUARE, -0.1)])
+def test_a_grid_calibrates_as_it_is(lattice, turn):
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(4.6)).with_model(pl.LensModel.THIN)
+    array = pl.MicrolensArray(0.4, (2.0,), lattice=lattice)
+    camera = pl.PlenopticCamera(lens, pl.Sensor((260, 300), 0.02), 156.0, array, 3.0)
+    camera = camera.moved(pl.CameraPart.MICROLENSES, shift=(0.03, -0.05, 0.0), tilt=(0.0, 0.0, turn))
+    grid = find(pl.render_white(camera, samples=16, progress=False))
+    symmetry = math.pi / 3 if lattice is HEXAGONAL else math.pi / 2
+    from_camera = math.pi / 6 if lattice is HEXAGONAL and grid.is_along_rows else 0.0
+    # 1e-4 rad are 0.02 pixels at the border.
+    assert abs(math.remainder(grid.rotation + from_camera - turn, symmetry)) < 1e-4
+    design = pl.targets.checkerboard(6, 5, square=3.0)
+    boards = [design.rotated_deg(axis, 25).translated(z=-380) for axis in ((1, 0, 0), (-1, 0, 0), (0, 1, 0))]
+    corners, centres = pl.package.calibration_points(camera, boards), pl.microlens_centres(camera, margin=1.0)
+    in_grid = dict(zip(map(tuple, centres.index.tolist()), grid.indices_of(centres.pixel).tolist(), strict=True))
+    observations = pl.calibration.Observations(
+        index=[in_grid[index] for index in map(tuple, corners.index.tolist())],
+        pixel=corners.pixel, frame=corners.frame, point=corners.point, board=design.points,
+        centre_index=grid.index, centre_pixel=grid.centre, sensor=camera.sensor, lattice=grid.lattice,
+    )  # fmt: skip
+    start = pl.calibration.NominalCamera(focal_length=100.0, f_number=8.0)
+    calibration = pl.calibrate(observations, start=start, board=0.0)
+    # Centroids differ from chief rays.
+    assert calibration.corner_rms < 1e-6 and calibration.centre_rms < 0.005
+    assert abs(math.remainder(calibration[pl.calibration.Parameter.TURN] - turn, symmetry)) < 1e-4

@@ -141,8 +141,8 @@ def test_the_toolbox_gets_what_it_reads(tmp_path):
         assert [len(np.unique(centres.type[kind == k])) for k in range(3)] == [1, 1, 1]
         assert len(root.findall("lens_type")) == 3
         grid = pl.calibration.read_grid(folder / "shot.xml", shot.image.shape[:2])
-        index = grid.indices_of(centres.pixel[:, ::-1])
-        assert np.sqrt(np.mean((grid.centres_of(index) - centres.pixel[:, ::-1]) ** 2)) < 0.005, degrees
+        index = grid.indices_of(centres.pixel)
+        assert np.sqrt(np.mean((grid.centres_of(index) - centres.pixel) ** 2)) < 0.005, degrees
         pairs = {*zip(grid.types_of(index).tolist(), centres.type.tolist(), strict=True)}
         assert len(pairs) == 3 and len({kind for _, kind in pairs}) == len(focal_lengths)
         drawn = pl.images.read_channels(folder / "shot_disp.png")[0]["R"] * number["diameter"]

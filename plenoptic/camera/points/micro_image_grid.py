@@ -30,31 +30,32 @@ _INVERSIONS, _LARGEST_SLOPE = 20, 0.5
 
 @value
 class MicroImageGrid:
-    """Lattice of the micro images on a sensor, in pixels: positions (u, v), u the column and v the row.
+    """Lattice of the micro images on a sensor, in pixels: positions are (row, column).
 
     The first pixel's centre is at (0, 0). The micro image with the index (k, l) is centred at p + deviation(p), where
-    p = origin + k basis[0] + l basis[1].
+    p = origin + k basis[0] + l basis[1]. Indices are those of `microlens_centres`, except for a symmetry of the
+    lattice: k counts towards smaller columns, l towards larger rows, if the lattice is not turned.
 
     Parameters
     ----------
     lattice : Lattice
         HEXAGONAL, SQUARE or RECTANGULAR, along the vectors of `basis`: the lattice may be turned by any angle.
     origin : (2,) array_like
-        Position (u, v) of the micro image (0, 0), without deviation.
+        Position of the micro image (0, 0), without deviation.
     basis : (2, 2) array_like
-        Rows are the steps (u, v) from (k, l) to (k + 1, l) and to (k, l + 1). In a HEXAGONAL lattice they are about
-        60 degrees apart.
+        Rows are the steps (row, column) from (k, l) to (k + 1, l) and to (k, l + 1). Its determinant is positive. In a
+        HEXAGONAL lattice the steps are about 60 degrees apart.
     shape : (int, int)
         Rows and columns of the sensor.
     deviation : (n, n, 2) array_like, optional
-        Smooth deviation from the lattice: coefficients of the products T_i(x) T_j(y) of Chebyshev polynomials, in
-        pixels along u and v, with x and y from -1 to 1 across the columns and rows of the sensor. None: none.
+        Smooth deviation from the lattice: coefficients of the products T_i(y) T_j(x) of Chebyshev polynomials, in
+        pixels along rows and columns, with y and x from -1 to 1 across the rows and columns of the sensor.
     index : (m, 2) array_like of int, optional
         Indices (k, l) of measured micro images, one a row of the arrays that follow.
     centre : (m, 2) array_like, optional
-        Their measured centres (u, v).
+        Their measured centres.
     standard_error : (m, 2) array_like, optional
-        Standard errors of the centres along u and v.
+        Standard errors of the centres.
     radius : (m,) array_like, optional
         Their radii, pixels: of discs of the same area and brightness.
     type_pattern : (p, q) array_like of int
@@ -63,18 +64,19 @@ class MicroImageGrid:
     Raises
     ------
     InvalidValueError
-        If the lattice is FREE or flat, arrays do not fit, or the deviation changes by more than half a pixel per pixel.
+        If the lattice is FREE, flat or mirrored, arrays do not fit, or the deviation changes by more than half a pixel
+        per pixel.
 
     Examples
     --------
     >>> import plenoptic as pl
     >>> grid = pl.calibration.MicroImageGrid(
-    ...     pl.Lattice.HEXAGONAL, origin=(100.0, 80.0), basis=[(20.0, 0.0), (10.0, 17.32)], shape=(160, 200)
+    ...     pl.Lattice.HEXAGONAL, origin=(80.0, 100.0), basis=[(0.0, -20.0), (17.32, -10.0)], shape=(160, 200)
     ... )
     >>> grid
     MicroImageGrid(HEXAGONAL, pitch 20 pixels along rows, rotation 0.00 degrees, 160 x 200 pixels)
-    >>> grid.centres_of((1, 2)), grid.indices_of((141.0, 115.0))
-    (array([140.  , 114.64]), array([1, 2]))
+    >>> grid.centres_of((1, 2)), grid.indices_of((115.0, 61.0))
+    (array([114.64,  60.  ]), array([1, 2]))
     """
 
     lattice: Lattice
@@ -103,16 +105,20 @@ class MicroImageGrid:
         )
         lengths = np.hypot(*self.basis.T)
         if not (np.isfinite(self.origin).all() and abs(np.linalg.det(self.basis)) > 0.1 * lengths.prod()):
-            raise InvalidValueError(f"basis is {self.basis.tolist()}; give two steps (u, v) in different directions")
+            raise InvalidValueError(f"basis is {self.basis.tolist()}; give two steps in different directions")
+        is_obtuse = self.lattice is Lattice.HEXAGONAL and self.basis[0] @ self.basis[1] < 0
+        if is_obtuse or np.linalg.det(self.basis) < 0:
+            raise InvalidValueError(
+                f"basis is {self.basis.tolist()}, of another lattice or mirrored; give steps (row, column), in a "
+                "hexagonal lattice 60 degrees apart, with a positive determinant"
+            )
         self._check_measurements()
         if self.deviation is not None:
             series = frozen_array(self.deviation, name="deviation", shape=(None, None, 2))
             set_field(self, "deviation", series)
             # Derivatives of T_n reach n^2 at the ends.
             n = np.arange(len(series))[:, None] ** 2, np.arange(series.shape[1]) ** 2
-            slopes = [
-                (np.abs(series) * d[..., None]).sum() * 2 / size for d, size in zip(n, self.shape[::-1], strict=True)
-            ]
+            slopes = [(np.abs(series) * d[..., None]).sum() * 2 / size for d, size in zip(n, self.shape, strict=True)]
             if not max(slopes) < _LARGEST_SLOPE:
                 raise InvalidValueError("deviation changes by more than half a pixel per pixel; put it into the basis")
 
@@ -144,36 +150,35 @@ class MicroImageGrid:
     @property
     def is_along_rows(self) -> bool:
         """True if neighbours stand nearer to the rows of the sensor than to the columns, as in SQUARE lattices."""
-        return self.lattice is not Lattice.HEXAGONAL or abs(self._turn(0.0)) <= abs(self._turn(90.0))
+        return self.lattice is not Lattice.HEXAGONAL or abs(self._turn(30.0)) <= abs(self._turn(0.0))
 
     @property
     def rotation(self) -> float:
-        """Least rotation from u to v that brings neighbours of a lattice along rows, or columns, here; in radians."""
-        return math.radians(self._turn(0.0 if self.is_along_rows else 90.0))
+        """Least rotation that brings neighbours of a lattice along rows, or columns, here; in radians.
 
-    def _turn(self, direction: float) -> float:
-        """Least angle in degrees from a direction to one of neighbours, by the closest lattice of equal angles."""
+        It is positive from larger rows to larger columns, as a turn of the array by `moved(tilt=(0, 0, rotation))`.
+        """
+        return math.radians(self._turn(30.0 if self.lattice is Lattice.HEXAGONAL and self.is_along_rows else 0.0))
+
+    def _turn(self, from_angle: float) -> float:
+        """Least angle in degrees from a lattice of equal angles, itself turned from that of `lattice_basis`."""
         symmetry = 6 if self.lattice is Lattice.HEXAGONAL else 4 if self.lattice is Lattice.SQUARE else 2
-        steps, ideal_steps = self.basis @ (1.0, 1j), lattice_basis(self.lattice, self.pitches) @ (1.0, 1j)
-        if self.lattice is Lattice.HEXAGONAL:
-            # `lattice_basis` has neighbours along y.
-            ideal_steps /= 1j
-        if self.basis[0, 0] * self.basis[1, 1] < self.basis[0, 1] * self.basis[1, 0]:
-            ideal_steps = ideal_steps.conj()
-        angle = math.degrees(np.angle(np.vdot(ideal_steps, steps))) - direction
+        # Columns run against the array's x, rows along its y.
+        steps, ideal_steps = self.basis @ (1j, -1.0), lattice_basis(self.lattice, self.pitches) @ (1.0, 1j)
+        angle = math.degrees(np.angle(np.vdot(ideal_steps, steps))) - from_angle
         return angle - 360.0 / symmetry * round(angle * symmetry / 360.0)
 
     def centres_of(self, index: ArrayLike) -> Floats:
-        """Centres (..., 2) of micro images (k, l) of the lattice, in pixels (u, v), with the smooth deviation."""
+        """Centres (..., 2) of micro images (k, l) of the lattice, with the smooth deviation."""
         p = self.origin + numbers(index, "index", columns=2) @ self.basis
         return p + self._deviation_at(p)
 
     def indices_of(self, position: ArrayLike) -> NDArray[np.int64]:
-        """Indices (..., 2) of the micro images whose centres are nearest to positions (..., 2), in pixels (u, v)."""
-        uv = numbers(position, "position", columns=2)
-        p = uv
+        """Indices (..., 2) of the micro images whose centres are nearest to positions (..., 2)."""
+        target = numbers(position, "position", columns=2)
+        p = target
         for _ in range(_INVERSIONS if self.deviation is not None else 0):
-            p = uv - self._deviation_at(p)
+            p = target - self._deviation_at(p)
         steps = (p - self.origin) @ np.linalg.inv(self.basis)
         lower = np.floor(steps)
         corners = lower[..., None, :] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
@@ -182,8 +187,8 @@ class MicroImageGrid:
         return np.asarray(np.take_along_axis(corners, nearest, axis=-2)[..., 0, :], dtype=np.int64)
 
     def sensor_fractions(self, position: Floats) -> Floats:
-        """Positions (..., 2) in pixels, from -1 to 1 across the columns and across the rows."""
-        return np.asarray((2.0 * position - (self.shape[1] - 1, self.shape[0] - 1)) / self.shape[::-1])
+        """Positions (..., 2) in pixels, from -1 to 1 across the rows and across the columns."""
+        return np.asarray((2.0 * position - np.subtract(self.shape, 1)) / self.shape)
 
     def types_of(self, index: ArrayLike) -> NDArray[np.int64]:
         """Types (...) of micro images (k, l)."""
@@ -195,18 +200,18 @@ class MicroImageGrid:
     def on_sensor(self) -> NDArray[np.int64]:
         """Indices (n, 2) of all micro images of the lattice with their centres on the sensor, by k, then l."""
         rows, columns = self.shape
-        edge = np.array([(u, v) for u in (0, columns - 1) for v in (0, rows - 1)])
+        edge = np.array([(row, column) for row in (0, rows - 1) for column in (0, columns - 1)])
         low, high = self.indices_of(edge).min(axis=0) - 2, self.indices_of(edge).max(axis=0) + 2
         index = np.stack(np.meshgrid(*map(np.arange, low, high + 1), indexing="ij"), axis=-1).reshape(-1, 2)
-        u, v = self.centres_of(index).T
-        return np.asarray(index[(u >= -0.5) & (u <= columns - 0.5) & (v >= -0.5) & (v <= rows - 0.5)])
+        centre = self.centres_of(index)
+        return np.asarray(index[((centre >= -0.5) & (centre <= np.subtract(self.shape, 0.5))).all(axis=1)])
 
     def _deviation_at(self, p: Floats) -> Floats | float:
         if self.deviation is None:
             return 0.0
         # Beyond the sensor it goes on as at the edge.
-        x, y = np.clip(self.sensor_fractions(p), -1.1, 1.1).T
-        return np.asarray(np.moveaxis(chebyshev.chebval2d(x.T, y.T, self.deviation), 0, -1))
+        y, x = np.clip(self.sensor_fractions(p), -1.1, 1.1).T
+        return np.asarray(np.moveaxis(chebyshev.chebval2d(y.T, x.T, self.deviation), 0, -1))
 
     def __repr__(self) -> str:
         pitches = " x ".join(
