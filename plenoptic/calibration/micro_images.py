@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 
@@ -216,8 +217,12 @@ def _scatter(values: Floats) -> float:
 
 def _fit_smooth(grid: MicroImageGrid, index: NDArray[np.int64], centre: Floats, error: Floats) -> MicroImageGrid:
     """Fit a lattice, and the deviation of the lowest degree that the centres ask for."""
-    counts = {degree: (degree + 1) * (degree + 2) // 2 for degree in _DEGREES}
-    fits = [(_fit(grid, index, centre, error, d), n) for d, n in counts.items() if 2 * n < len(index) or d == 1]
+    counts, fits = {degree: (degree + 1) * (degree + 2) // 2 for degree in _DEGREES}, []
+    for degree, count in counts.items():
+        if 2 * count < len(index) or degree == 1:
+            # High degrees bend steeply, which grids refuse, where few centres hold them.
+            with contextlib.suppress(InvalidValueError):
+                fits.append((_fit(grid, index, centre, error, degree), count))
     best = fits[0]
     for fit in fits[1:]:
         if _prediction_error(fit, len(index)) < (1.0 - _GAIN) * _prediction_error(best, len(index)):
