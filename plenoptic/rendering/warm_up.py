@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import time
@@ -12,19 +13,21 @@ import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
-from plenoptic.camera.gaussian import CameraKind, object_plane
+from plenoptic.camera.gaussian import object_plane
 from plenoptic.camera.points.centres import microlens_centres
 from plenoptic.camera.points.projection import project
 from plenoptic.camera.psf.point_spread import point_spread
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.progress.compiling import compiling
 from plenoptic.core.values import Floats, value
+from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.render import render, render_white
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.ground_truth import ground_truth
 from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
 if TYPE_CHECKING:
+    from plenoptic.optics.microlens.array import MicrolensArray
     from plenoptic.scene.scene import Scene
 
 _HALF = 16
@@ -114,7 +117,7 @@ def warm_up(
         warnings.simplefilter("ignore")  # few pixels may be dark or miss the scene
         _run_small(scene, camera, requested)
         if depth and scene is not None and camera.microlenses is not None:
-            _estimate_depth(scene, camera)
+            _estimate_depth(scene, camera, camera.microlenses)
     return WarmUp(tuple(compiling.names[before:]), time.perf_counter() - begin)
 
 
@@ -135,21 +138,23 @@ def _run_small(scene: Scene | None, camera: PlenopticCamera, truth: Truth) -> No
         point_spread(camera, point, rays=32)
 
 
-def _estimate_depth(scene: Scene, camera: PlenopticCamera) -> None:
-    """Compute views and depth from a few micro images."""
+def _estimate_depth(scene: Scene, camera: PlenopticCamera, array: MicrolensArray) -> None:
+    """Compute views and depth from a few micro images, if the camera has any."""
     from plenoptic import lightfield
 
-    report, sensor = camera.report(), camera.sensor
-    side = math.ceil(_IMAGES * max(report.image_pitch_pixels or 0.0, 1.0))
+    sensor = camera.sensor
+    side = math.ceil(_IMAGES * max(array.pitches) / sensor.pixel_pitch)
     shape = min(sensor.shape[0], side), min(sensor.shape[1], side)
     small = dataclasses.replace(camera, sensor=dataclasses.replace(sensor, shape=shape))
     white = render_white(small, samples=2, progress=False)
     shot = render(scene, small, samples=2, progress=False)
-    if report.kind is CameraKind.PLENOPTIC_1:
+    # Unfocused cameras have sub-aperture views; focused ones depth of their raw image.
+    with contextlib.suppress(InvalidValueError):
         lightfield.depth(lightfield.decode(shot, white), progress=False)
-    else:
+    with contextlib.suppress(InvalidValueError):
         depth = lightfield.depth(shot, white, progress=False)
-        lightfield.render_view(shot, white, depth, progress=False)
+        disparity = np.where(np.isfinite(depth.disparity), depth.disparity, 0.2 * side / _IMAGES)
+        lightfield.render_view(shot, white, disparity, progress=False)
 
 
 def _point(camera: PlenopticCamera) -> Floats:

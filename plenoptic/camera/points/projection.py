@@ -134,10 +134,11 @@ def project(
     plate parallel to itself. Deviations of single microlenses (`imperfections`) and placements of parts are included.
 
     Light is traced as in `point_spread`, aimed at an outline of the pupil that points near each other share. Its random
-    numbers follow from the coordinates of the point: rows of a point do not depend on the other points of the call.
-    Light below that of a single ray, a fraction 1 / rays of the light through the lens, may be missed at microlenses
-    that the chief ray does not reach. With a scene, shadow rays run from the point towards the lens along the chief ray
-    if it passes, otherwise along a ray that passes the lens and hits the array near the microlens.
+    numbers follow from the coordinates of the point: rows of a point do not depend, beyond rounding, on the other
+    points of the call. Light below that of a single ray, a fraction 1 / rays of the light through the lens, may be
+    missed at microlenses that the chief ray does not reach. With a scene, shadow rays run from the point towards the
+    lens along the chief ray if it passes, otherwise along a ray that passes the lens and hits the array near the
+    microlens.
 
     Everything is traced at the camera's `wavelength`. Dust, scratches and the response of pixels are ignored. Light
     through clear gaps between openings belongs to the cell that it passes.

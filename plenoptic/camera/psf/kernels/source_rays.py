@@ -69,7 +69,8 @@ def fill_rays_of_points(blocks, first, n, points, each, z, ideal, facing):
     while k < n:
         number, index, i = (first + k) // each, (first + k) % each, k % BLOCK
         row, replicate = number // points.replicates, number % points.replicates
-        seed = mix(mix(points.bits[row, 0], points.bits[row, 1]), points.bits[row, 2])
+        # Each coordinate is added to a state that is mixed: opposite points have other seeds.
+        seed = mix(mix(mix(np.uint64(0), points.bits[row, 0]), points.bits[row, 1]), points.bits[row, 2])
         key = set_key(stream(seed, 0, replicate), 0)
         ray, end = blocks[k // BLOCK * RAY + i :], min(n - k, each - index, BLOCK - i)
         _fill_rays(ray, (end, index), key, points.point[row], points.polygon[row].T, z, ideal, facing)
