@@ -2,6 +2,7 @@
 
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
 from plenoptic.calibration.compote_files import read_compote
+from plenoptic.calibration.corners.find_corners import BoardCorners, find_corners, observe
 from plenoptic.calibration.fitting.covariance import ErrorCluster
 from plenoptic.calibration.fitting.geometry import Parameter
 from plenoptic.calibration.grid_files import read_grid
@@ -11,6 +12,7 @@ from plenoptic.calibration.observations import Observations
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 
 __all__ = [
+    "BoardCorners",
     "Calibration",
     "ErrorCluster",
     "HeldOut",
@@ -18,7 +20,9 @@ __all__ = [
     "NominalCamera",
     "Observations",
     "Parameter",
+    "find_corners",
     "find_micro_images",
+    "observe",
     "read_compote",
     "read_grid",
 ]

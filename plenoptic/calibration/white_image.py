@@ -57,7 +57,7 @@ def white_plane(white: Any) -> WhitePlane:
         _check_saturation(image, full)
     plane = image.astype(np.float64).reshape(*image.shape[:2], -1).mean(axis=2)
     plane -= np.percentile(_smooth(plane), _DARK) if black is None else black
-    is_mosaic = image.ndim == 2 and not isinstance(white, Exposure) and _equalise(plane)
+    is_mosaic = image.ndim == 2 and not isinstance(white, Exposure) and equalise(plane)
     if variance is None:
         variance = _noise(plane, (1, 2) if is_mosaic else (1,))
         noise, bright = float(np.sqrt(variance.min())), float(np.percentile(plane, _BRIGHT))
@@ -88,7 +88,7 @@ def _smooth(plane: Floats) -> Floats:
     return np.asarray((rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]) / 9.0)
 
 
-def _equalise(plane: Floats) -> bool:
+def equalise(plane: Floats) -> bool:
     """Scale pixels of even and odd rows and columns to the same mean in place, as of colour filters; False if alike."""
     parts = [plane[i::2, j::2] for i in (0, 1) for j in (0, 1)]
     means = np.array([part.mean() for part in parts])

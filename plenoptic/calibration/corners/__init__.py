@@ -1,0 +1,1 @@
+"""Corners of boards in the micro images of a raw image."""
