@@ -266,14 +266,13 @@ def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
 
 def _is_corner(patches: Patches, corners: CornerFit, image: NDArray[np.int64], start: Floats) -> NDArray[np.bool_]:
     bright = float(np.quantile(patches.light[patches.weight > 0], 0.95))
-    local = np.rint(corners.pixel).astype(np.int64) - patches.corner[image]
-    side = patches.light.shape[1]
-    inside = ((local >= 0) & (local < side)).all(axis=1)
-    row, column = np.clip(local, 0, side - 1).T
+    local = np.floor(corners.pixel).astype(np.int64) - patches.corner[image]
+    row, column = np.clip(local, 0, patches.light.shape[1] - 2).T
+    # Pixels on all sides show the corner.
+    inside = [patches.weight[image, row + i, column + j] > 0 for i in (0, 1) for j in (0, 1)]
     with np.errstate(invalid="ignore"):
         return np.asarray(
-            inside
-            & (patches.weight[image, row, column] > 0)
+            np.all(inside, axis=0)
             & (corners.standard_error.max(axis=1) < _MAX_ERROR)
             & (np.hypot(*(corners.pixel - start).T) < _MOTION)
             & (corners.contrast > _MIN_SIGNAL * corners.residual)
