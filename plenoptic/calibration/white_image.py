@@ -56,7 +56,7 @@ def white_plane(white: Any) -> WhitePlane:
     if not isinstance(white, Exposure):
         _check_saturation(image, full)
     plane = image.astype(np.float64).reshape(*image.shape[:2], -1).mean(axis=2)
-    plane -= np.percentile(_smooth(plane), _DARK) if black is None else black
+    plane -= np.percentile(mean_filter(plane), _DARK) if black is None else black
     is_mosaic = image.ndim == 2 and not isinstance(white, Exposure) and equalise(plane)
     if variance is None:
         variance = _noise(plane, (1, 2) if is_mosaic else (1,))
@@ -82,7 +82,7 @@ def _check_saturation(image: NDArray[Any], full: float) -> None:
         )
 
 
-def _smooth(plane: Floats) -> Floats:
+def mean_filter(plane: Floats) -> Floats:
     """Means of 3 x 3 pixels, without the border."""
     rows = plane[:-2] + plane[1:-1] + plane[2:]
     return np.asarray((rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]) / 9.0)

@@ -14,7 +14,7 @@ from plenoptic.calibration.corners.saddle_points import Patches, saddle_points
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.white_image import equalise
+from plenoptic.calibration.white_image import equalise, mean_filter
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats, Given, check_kind, plain_array, value
 from plenoptic.errors import InvalidValueError
@@ -23,9 +23,10 @@ from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.scene.shapes.targets.target import Target
 
-_UNVIGNETTED, _INNER = 0.85, 0.8
-"""Least light of a pixel in the white image over that of its micro image, and, without a white image, part of the
-radius of micro images that is used. Blurred corners are displaced where the main lens's pupil cuts the microlens's."""
+_LIT, _UNVIGNETTED = (0.5, 0.95), (0.9, 0.8)
+"""Least light of pixels over that of their micro image in the white image, smooth, and, without one, largest distance
+from the centre over the radius: for the search and for the last fit. Where the main lens's pupil cuts that of the
+microlens, blurred corners are displaced."""
 _WINDOW, _MIN_WINDOW, _SPACING = 0.7, 3.0, 0.8
 """Radius of windows over that of micro images, their least radius in pixels, and largest one over the distance of
 neighbouring corners."""
@@ -132,9 +133,9 @@ def find_corners(
     """
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
     shape = _corners_of(board)
-    patches = _patches(raw, white, grid)
-    candidates, image = _candidates(patches)
-    centre, radius = patches.centre[image], float(np.median(patches.radius)) * _INNER
+    lit, patches = _patches(raw, white, grid)
+    candidates, image = _candidates(lit)
+    centre, radius = patches.centre[image], float(np.median(patches.radius)) * _UNVIGNETTED[1]
     points = virtual_points(patches.index[image], centre, candidates, grid.basis, radius)
     numbers, plane = number_points(points, shape)
     corners, image, point = _fit_all(patches, points, numbers, plane, shape)
@@ -220,7 +221,8 @@ def _light(image: Any, name: str, shape: tuple[int, int]) -> Floats:
     return np.asarray(plane - (np.percentile(plane, 0.1) if black is None else black))
 
 
-def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> Patches:
+def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patches]:
+    """Micro images with their lit pixels, and with those that are not vignetted."""
     light = _light(raw, "raw", grid.shape)
     gain = np.ones(grid.shape)
     if white is None:
@@ -237,13 +239,15 @@ def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> Patches:
     distance = np.hypot(row[:, :, None] - centre[:, 0, None, None], column[:, None] - centre[:, 1, None, None])
     at = np.clip(row, 0, grid.shape[0] - 1)[:, :, None], np.clip(column, 0, grid.shape[1] - 1)[:, None]
     on_sensor = ((row >= 0) & (row < grid.shape[0]))[:, :, None] & ((column >= 0) & (column < grid.shape[1]))[:, None]
-    weight = gain[at]
-    if white is None:
-        inside = distance < _INNER * radius[:, None, None]
-    else:
-        weight = weight / np.maximum(np.quantile(weight.reshape(len(weight), -1), 0.8, axis=1), 1e-300)[:, None, None]
-        inside = (distance < radius[:, None, None] + 1.0) & (weight > _UNVIGNETTED)
-    return Patches(index, centre, radius, corner, light[at], np.where(inside & on_sensor, weight, 0.0))
+    weight = gain[at] * on_sensor
+    smooth = mean_filter(np.pad(gain, 1, mode="edge"))[at]
+    bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), 0.8, axis=1), 1e-300)[:, None, None]
+    lit, unvignetted = (
+        np.where((distance < (part if white is None else 1.1) * radius[:, None, None]) & (smooth > least * bright), weight, 0.0)
+        for least, part in (_LIT, _UNVIGNETTED)
+    )
+    patches = Patches(index, centre, radius, corner, light[at], lit)
+    return patches, patches._replace(weight=unvignetted)
 
 
 def _radii(grid: MicroImageGrid, index: NDArray[np.int64]) -> Floats:
