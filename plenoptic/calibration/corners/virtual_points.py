@@ -24,6 +24,19 @@ _MISSING = 0.4
 """Cost of a micro image that should show a corner, and does not, in units of one that does."""
 _MIN_IMAGES = 3
 """Least corners of a virtual point."""
+_REJECTIONS = 3
+_MAX_SINE = 0.5
+"""Sine of the largest angle between the bright quadrants of images of one corner."""
+
+
+class _Pairs(NamedTuple):
+    """Pairs of corners in neighbouring micro images, (m,)."""
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    w: Floats
+    length: Floats
+    """Distance of the micro images' centres in pixels."""
 
 
 class VirtualPoints(NamedTuple):
@@ -49,89 +62,63 @@ def virtual_points(
     that agree mutually have one virtual point.
     """
     n = len(index)
-    a, b = _neighbours(index, basis)
-    step, move = centre[b] - centre[a], corners.pixel[b] - corners.pixel[a]
-    square = (step**2).sum(axis=1)
-    ratio = (step * move).sum(axis=1) / square
-    across = np.abs(step[:, 0] * move[:, 1] - step[:, 1] * move[:, 0]) / np.sqrt(square)
-    w = 1.0 - ratio
-    likely = (across < _TOLERANCE) & (np.abs(w) > _MIN_W) & (np.abs(w) < _MAX_W)
-    likely &= _same_angles(corners.angle[a], corners.angle[b])
-    a, b, w, length = a[likely], b[likely], w[likely], np.sqrt(square[likely])
-    best_w, best_score = _best_w(index, centre, corners.pixel, (a, b, w, length), basis, radius)
-    agrees = (np.abs(w - best_w[a]) * length < _TOLERANCE) & (np.abs(w - best_w[b]) * length < 2.0 * _TOLERANCE)
-    agrees &= (best_score[a] > 0) & (best_score[b] > 0)
-    label = _components(n, a[agrees], b[agrees])
-    return _fit_points(label, centre, corners, best_w)
-
-
-def _neighbours(index: NDArray[np.int64], basis: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of corners in different micro images that are near one another."""
     reach = int(np.ceil(_REACH)) + 1
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     length = np.hypot(*(steps @ basis).T)
     steps = steps[(length < _REACH * length[length > 0].min()) & (length > 0)]
-    low, high = index.min(axis=0) - reach, index.max(axis=0) + reach
-    width = high - low + 1
-    key = (index[:, 0] - low[0]) * width[1] + index[:, 1] - low[1]
+    pairs = _pairs(index, centre, corners, steps)
+    w, score = _best_w(index, corners.pixel - centre, pairs, steps @ basis, radius)
+    a, b, w_pair, length = pairs
+    agrees = (np.abs(w_pair - w[a]) * length < _TOLERANCE) & (np.abs(w_pair - w[b]) * length < 2.0 * _TOLERANCE)
+    agrees &= (score[a] > 0) & (score[b] > 0)
+    return _fit_points(_components(n, a[agrees], b[agrees]), centre, corners)
+
+
+def _pairs(index: NDArray[np.int64], centre: Floats, corners: CornerFit, steps: NDArray[np.int64]) -> _Pairs:
+    """Pairs of corners that may be images of one point."""
+    if not len(index):
+        return _Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    low = index.min(axis=0) - np.abs(steps).max()
+    width = int(np.ptp(index[:, 1])) + 2 * int(np.abs(steps).max()) + 1
+    key = (index - low) @ (width, 1)
     order = np.argsort(key, kind="stable")
-    ordered = key[order]
     first, second = [], []
-    for k, l in steps.tolist():
-        target = key + k * width[1] + l
-        start, end = np.searchsorted(ordered, target), np.searchsorted(ordered, target, side="right")
-        count = end - start
-        a = np.repeat(np.arange(len(key)), count)
-        number = np.arange(len(a)) - np.repeat(np.cumsum(count) - count, count)
+    for step in (steps @ (width, 1)).tolist():
+        start, end = (np.searchsorted(key[order], key + step, side=side) for side in ("left", "right"))
+        a = np.repeat(np.arange(len(key)), end - start)
         first.append(a)
-        second.append(order[np.repeat(start, count) + number])
-    return np.concatenate(first), np.concatenate(second)
-
-
-def _same_angles(first: Floats, second: Floats, tolerance: float = 0.5) -> NDArray[np.bool_]:
-    """True where bright quadrants lie in the same directions, up to half a turn."""
-    bright = first.mean(axis=1) - second.mean(axis=1)
-    return np.asarray(np.abs((bright + 0.5 * np.pi) % np.pi - 0.5 * np.pi) < tolerance)
+        second.append(order[np.arange(len(a)) - np.repeat(np.cumsum(end - start) - end, end - start)])
+    a, b = np.concatenate(first), np.concatenate(second)
+    step, move = centre[b] - centre[a], corners.pixel[b] - corners.pixel[a]
+    length = np.hypot(*step.T)
+    w = 1.0 - (step * move).sum(axis=1) / length**2
+    across = np.abs(step[:, 0] * move[:, 1] - step[:, 1] * move[:, 0]) / length
+    bright = corners.angle.mean(axis=1)
+    likely = (across < _TOLERANCE) & (np.abs(w) > _MIN_W) & (np.abs(w) < _MAX_W)
+    likely &= np.abs(np.sin(bright[a] - bright[b])) < _MAX_SINE
+    return _Pairs(a[likely], b[likely], w[likely], length[likely])
 
 
 def _best_w(
-    index: NDArray[np.int64],
-    centre: Floats,
-    pixel: Floats,
-    pairs: tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats],
-    basis: Floats,
-    radius: float,
+    index: NDArray[np.int64], offset: Floats, pairs: _Pairs, arms: Floats, radius: float
 ) -> tuple[Floats, Floats]:
     """The w of each corner (n,), and its score: micro images that agree less those that should and do not."""
-    a, b, w, length = pairs
     best_w, best_score = np.zeros(len(index)), np.full(len(index), -np.inf)
-    order = np.argsort(a, kind="stable")
-    bounds = np.searchsorted(a[order], np.arange(len(index) + 1))
-    lenses = {tuple(each): place for each, place in zip(index.tolist(), centre, strict=True)}
-    del lenses
-    reach = int(np.ceil(_REACH)) + 1
-    steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    arms = steps @ basis
-    size = np.hypot(*arms.T)
-    arms = arms[(size > 0) & (size < _REACH * size[size > 0].min())]
-    for k in range(len(index)):
+    order = np.argsort(pairs.first, kind="stable")
+    bounds = np.searchsorted(pairs.first[order], np.arange(len(index) + 1))
+    for k in np.flatnonzero(np.diff(bounds)).tolist():
         rows = order[bounds[k] : bounds[k + 1]]
-        if not len(rows):
-            continue
-        agree = np.abs(w[rows, None] - w[rows]) * length[rows] < _TOLERANCE
+        w, length = pairs.w[rows], pairs.length[rows]
+        agrees = np.abs(w[:, None] - w) * length < _TOLERANCE
         # Each micro image counts once.
-        images = index[b[rows]] - index[k]
-        number = images[:, 0] * 64 + images[:, 1]
-        _, inverse = np.unique(number, return_inverse=True)
-        support = np.zeros((len(rows), inverse.max() + 1), dtype=bool)
-        np.logical_or.at(support, (slice(None), inverse), agree)
-        offset = pixel[k] - centre[k] - w[rows, None, None] * arms
-        expected = (np.hypot(offset[..., 0], offset[..., 1]) < radius).sum(axis=1)
+        _, image = np.unique(index[pairs.second[rows]], axis=0, return_inverse=True)
+        support = np.zeros((len(rows), len(rows)), dtype=bool)
+        np.logical_or.at(support, (slice(None), image.ravel()), agrees)
+        expected = (np.hypot(*np.moveaxis(offset[k] - w[:, None, None] * arms, 2, 0)) < radius).sum(axis=1)
         score = (1.0 + _MISSING) * support.sum(axis=1) - _MISSING * expected
-        top = int(np.argmax(score))
-        best_score[k] = score[top]
-        near = agree[top]
-        best_w[k] = np.average(w[rows][near], weights=length[rows][near] ** 2)
+        best = int(np.argmax(score))
+        best_score[k], near = score[best], agrees[best]
+        best_w[k] = np.average(w[near], weights=length[near] ** 2)
     return best_w, best_score
 
 
@@ -148,26 +135,26 @@ def _components(n: int, a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[n
         label = lower
 
 
-def _fit_points(label: NDArray[np.int64], centre: Floats, corners: CornerFit, w: Floats) -> VirtualPoints:
+def _fit_points(label: NDArray[np.int64], centre: Floats, corners: CornerFit) -> VirtualPoints:
     """Virtual points of the corners with the same label, by least squares; those of few corners are left out."""
-    parts = []
-    for number in np.flatnonzero(np.bincount(label) >= _MIN_IMAGES):
+    numbers = np.flatnonzero(np.bincount(label, minlength=1) >= _MIN_IMAGES)
+    position, angle = np.zeros((2, len(numbers), 2))
+    w, images = np.zeros(len(numbers)), np.zeros(len(numbers), dtype=np.int64)
+    for k, number in enumerate(numbers):
         rows = np.flatnonzero(label == number)
-        for _ in range(3):
+        for _ in range(_REJECTIONS):
             c, p = centre[rows], corners.pixel[rows]
-            c0, p0 = c.mean(axis=0), p.mean(axis=0)
-            slope = ((c - c0) * (p - p0)).sum() / ((c - c0) ** 2).sum()
-            miss = np.hypot(*(p - p0 - slope * (c - c0)).T)
-            rows_kept = rows[miss < max(3.0 * np.median(miss), 0.5 * _TOLERANCE)]
-            if len(rows_kept) == len(rows) or len(rows_kept) < _MIN_IMAGES:
+            arm, move = c - c.mean(axis=0), p - p.mean(axis=0)
+            w[k] = 1.0 - (arm * move).sum() / (arm**2).sum()
+            miss = np.hypot(*(move - (1.0 - w[k]) * arm).T)
+            near = miss < max(3.0 * float(np.median(miss)), 0.5 * _TOLERANCE)
+            if near.all() or np.count_nonzero(near) < _MIN_IMAGES:
                 break
-            rows = rows_kept
-        angle = corners.angle[rows]
-        bright = 0.5 * np.angle(np.exp(2j * angle.mean(axis=1)).mean())
-        opening = 0.5 * float(np.median(np.abs((angle[:, 1] - angle[:, 0] + np.pi) % (2 * np.pi) - np.pi)))
-        point = (p0 - slope * c0) / (1.0 - slope)
-        parts.append((point, 1.0 - slope, len(rows), (bright - opening, bright + opening)))
-    position, depth, images, angle = (np.array(part) for part in zip(*parts, strict=True)) if parts else [()] * 4
-    return VirtualPoints(
-        np.reshape(position, (-1, 2)), np.asarray(depth, float), np.asarray(images, int), np.reshape(angle, (-1, 2))
-    )
+            rows = rows[near]
+        position[k] = (p.mean(axis=0) - (1.0 - w[k]) * c.mean(axis=0)) / w[k]
+        images[k] = len(rows)
+        first, second = corners.angle[rows].T
+        bright = 0.5 * np.angle(np.exp(1j * (first + second)).mean())
+        opening = 0.5 * float(np.median(np.abs((second - first + np.pi) % (2.0 * np.pi) - np.pi)))
+        angle[k] = bright - opening, bright + opening
+    return VirtualPoints(position, w, images, angle)
