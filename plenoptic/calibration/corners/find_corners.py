@@ -35,6 +35,8 @@ _BLUR, _MOTION = 0.8, 1.5
 _MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.3, 3.0, 0.06, 0.4
 """Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
 light, and least sine of the angle between edges."""
+_DISC = 0.545
+"""Standard deviation of the normal distribution nearest to an edge that is blurred by a disc, over its radius."""
 _NEAR, _OUTLIER = 0.3, 4.0
 """Largest distance of a corner from where its virtual point is seen, in pixels, beyond standard errors."""
 
@@ -54,7 +56,7 @@ class BoardCorners:
     point : (n,) array of int
         Row of the board's `points`.
     blur : (n,) array
-        Radius in pixels of a disc that blurs as the image does.
+        Radius in pixels of the disc that blurs edges most nearly as the image does.
 
     Examples
     --------
@@ -139,7 +141,7 @@ def find_corners(
     points = virtual_points(patches.index[image], centre, candidates, grid.basis, radius)
     numbers, plane = number_points(points, shape)
     corners, image, point = _fit_all(patches, points, numbers, plane, shape)
-    return BoardCorners(patches.index[image], corners.pixel, corners.standard_error, point, 2.0 * corners.sigma)
+    return BoardCorners(patches.index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC)
 
 
 def observe(

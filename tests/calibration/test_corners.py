@@ -1,0 +1,188 @@
+"""Corners of rendered checkerboards in raw images with a sensor's noise, against the camera's own projection."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+import plenoptic as pl
+from plenoptic.errors import InvalidValueError
+
+KINDS = {"G1": (123.3, 1.7, (2.0,)), "G3": (123.3, 1.7, (1.6, 1.85, 2.2)), "K1": (156.0, 1.9, (1.7,))}
+"""Distances from the iris to the array and from there to the sensor, focal lengths: Galilean and Keplerian."""
+DESIGN = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0)
+PITCH = 0.0135
+
+
+@functools.cache
+def camera_of(kind, focal_lengths=None, shape=(260, 340)):
+    to_array, to_sensor, lengths = KINDS[kind]
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(4.6)).with_model(pl.LensModel.THIN)
+    array = pl.MicrolensArray(0.217, focal_lengths or lengths)
+    camera = pl.PlenopticCamera(lens, pl.Sensor(shape, PITCH), to_array, array, to_sensor)
+    return camera.moved(pl.CameraPart.MICROLENSES, shift=(0.05, -0.03, 0.0), tilt=(0.0, 0.0, 0.01))
+
+
+@functools.cache
+def white_of(camera):
+    return pl.render_white(camera, samples=64, progress=False)
+
+
+@functools.cache
+def shot_of(camera, *targets, samples=64):
+    meshes = [mesh for target in targets for mesh in target.meshes]
+    return pl.render(pl.Scene(meshes, background=1.0), camera, samples=samples, progress=False)
+
+
+def raw_of(shot, camera, electrons=3000.0, seed=1):
+    """Raw image in which white is this number of electrons."""
+    level = float(np.percentile(white_of(camera).image, 95))
+    sensor = pl.SensorModel(electrons / level, read_noise=4.0, gain=0.2, bits=14, full_well=60000.0, black_level=64)
+    return shot.develop(sensor, seed=seed)
+
+
+@functools.cache
+def grid_of(camera):
+    return pl.calibration.find_micro_images(raw_of(white_of(camera), camera, 20000.0))
+
+
+def found(camera, *targets, design=DESIGN, electrons=3000.0, seed=1, with_white=True, samples=64):
+    raw = raw_of(shot_of(camera, *targets, samples=samples), camera, electrons, seed)
+    white = raw_of(white_of(camera), camera, 20000.0) if with_white else None
+    return pl.calibration.find_corners(raw, grid_of(camera), design, white=white)
+
+
+def errors_of(corners, camera, board):
+    """Distances (n, 2) from the nearest image of the same point of the board; also the images, and which are met."""
+    truth = pl.package.calibration_points(camera, board)
+    nearest = []
+    for point, pixel in zip(corners.point, corners.pixel, strict=True):
+        rows = np.flatnonzero(truth.point == point)
+        nearest.append(rows[np.hypot(*(truth.pixel[rows] - pixel).T).argmin()])
+    return corners.pixel - truth.pixel[nearest], truth, np.unique(nearest)
+
+
+def tilted(axis=(1.0, 0.2, 0.0), angle=25.0, z=-430.0, turn=0.0, design=DESIGN):
+    return design.rotated_deg((0, 0, 1), turn).rotated_deg(axis, angle).translated(z=z)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_corners_are_where_the_camera_projects_them(kind):
+    camera, board = camera_of(kind), tilted()
+    corners = found(camera, board)
+    error, truth, met = errors_of(corners, camera, board)
+    assert np.unique(corners.point).tolist() == list(range(12)) and len(met) == len(corners) > 80
+    # The renderer's own noise, of 64 paths a pixel, is 0.06 of the contrast at edges.
+    assert np.hypot(*error.T).max() < 0.3 and np.sqrt(np.mean(error**2)) < 0.05
+    # Images well inside micro images are all found.
+    centres = grid_of(camera).centres_of(grid_of(camera).on_sensor)
+    inner = [k for k, p in enumerate(truth.pixel) if np.hypot(*(centres - p).T).min() < 3.5]
+    assert np.isin(inner, met).mean() > 0.99
+
+
+def test_errors_are_those_of_the_noise():
+    camera, board = camera_of("G3"), tilted()
+    z = []
+    for seed in range(6):
+        corners = found(camera, board, electrons=150.0, seed=seed)
+        z.append(errors_of(corners, camera, board)[0] / corners.standard_error)
+    # Of some 1000 numbers; noise of the renderer at edges is half of that of the sensor.
+    assert 0.85 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.25
+
+
+def test_without_a_white_image_fewer_are_found():
+    camera, board = camera_of("G1"), tilted()
+    corners = found(camera, board, with_white=False)
+    assert np.sqrt(np.mean(errors_of(corners, camera, board)[0] ** 2)) < 0.06 and len(corners) > 60
+
+
+def test_blur_is_that_of_the_microlenses():
+    camera, board = camera_of("G3"), tilted()
+    corners = found(camera, board)
+    truth = pl.package.calibration_points(camera, board)
+    expected = [truth.blur[np.hypot(*(truth.pixel - pixel).T).argmin()] for pixel in corners.pixel]
+    blurred = np.array(expected) > 0.8
+    # A disc's edge is not a normal distribution's; micro images are cut by the main lens's pupil.
+    assert np.median(corners.blur[blurred] / np.array(expected)[blurred]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_turned_boards_keep_their_numbers():
+    camera = camera_of("G1")
+    for turn in (180.0, 60.0):
+        board = tilted(turn=turn)
+        error, _, _ = errors_of(found(camera, board), camera, board)
+        assert np.hypot(*error.T).max() < 0.3, turn
+
+
+def test_a_board_that_half_a_turn_does_not_change_is_numbered_as_columns_run():
+    camera, design = camera_of("G1"), pl.targets.checkerboard(5, 3, square=3.0, margin=3.0)
+    board = tilted(turn=40.0, design=design)
+    assert np.hypot(*errors_of(found(camera, board, design=design), camera, board)[0].T).max() < 0.3
+    turned = tilted(turn=140.0, design=design)
+    corners = found(camera, turned, design=design)
+    turned_numbers = dataclasses.replace(corners, point=7 - corners.point)
+    assert np.hypot(*errors_of(turned_numbers, camera, turned)[0].T).max() < 0.3
+
+
+def test_images_without_the_board_are_refused():
+    camera = camera_of("G1")
+    for targets, design, reason in (
+        ([tilted(design=pl.targets.random_dots(40, 40, dot=2.0, seed=2))], DESIGN, "no board"),
+        ([tilted(design=pl.targets.siemens_star(20.0, 36))], DESIGN, "no board"),
+        ([tilted(design=pl.targets.slanted_edge(30.0))], DESIGN, "no board"),
+        ([tilted().translated(x=7.0)], DESIGN, "move the whole board into view"),
+        ([tilted()], pl.targets.checkerboard(7, 6, square=3.0), "move the whole board into view"),
+        ([tilted()], pl.targets.checkerboard(4, 3, square=3.0), "has 2 x 3"),
+    ):
+        for electrons in (3000.0, 200.0):
+            with pytest.raises(InvalidValueError, match=reason):
+                found(camera, *targets, design=design, electrons=electrons)
+
+
+def test_a_board_before_texture_is_found_alone():
+    camera, board = camera_of("G1"), tilted()
+    wall = pl.targets.random_dots(60, 60, dot=2.0, seed=3).translated(z=-455.0)
+    corners = found(camera, board, wall)
+    error, _, met = errors_of(corners, camera, board)
+    assert np.hypot(*error.T).max() < 0.3 and len(met) == len(corners) > 60
+
+
+def test_observations_of_raw_images_calibrate():
+    camera = camera_of("G1")
+    boards = [tilted((np.cos(a), np.sin(a), 0.0), 28.0, -420.0 - 8 * k) for k, a in enumerate(np.arange(6) + 0.2)]
+    raws = [raw_of(shot_of(camera, board), camera, seed=k) for k, board in enumerate(boards)]
+    white = raw_of(white_of(camera), camera, 20000.0)
+    observations = pl.calibration.observe(raws, white, DESIGN, pixel_pitch=PITCH)
+    assert len(observations.frames) == 6 and observations.sensor == camera.sensor
+    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0), board=0.0)
+    assert calibration.corner_rms < 0.03 and calibration.centre_rms < 0.01
+    P = pl.calibration.Parameter
+    assert calibration[P.FOCAL_LENGTH] == pytest.approx(100.716, abs=5 * calibration.standard_error(P.FOCAL_LENGTH))
+    assert calibration[P.ARRAY_TO_SENSOR] == pytest.approx(1.7, rel=0.01)
+    # Images of the board as it was fitted are those of the real one.
+    twin, truth = (
+        pl.package.calibration_points(each, dataclasses.replace(DESIGN, points=points))
+        for each, points in ((calibration.camera, calibration.points(4)), (camera, boards[4].points))
+    )
+    missed = [
+        np.hypot(*(truth.pixel[truth.point == point] - pixel).T).min()
+        for point, pixel in zip(twin.point, twin.pixel, strict=True)
+    ]
+    assert np.sqrt(np.mean(np.square(missed))) < 0.05
+
+
+def test_what_is_no_board_and_no_raw_image_is_refused():
+    camera = camera_of("G1")
+    grid, raw = grid_of(camera), np.zeros((260, 340))
+    for args, reason in (
+        ((raw, grid, pl.targets.siemens_star(20.0, 36)), "no checkerboard"),
+        ((raw[:-1], grid, DESIGN), "shape"),
+        ((raw + np.nan, grid, DESIGN), "finite"),
+        ((raw, grid, DESIGN), "no board"),
+        ((raw, "grid", DESIGN), "grid is a str"),
+    ):
+        with pytest.raises(InvalidValueError, match=reason):
+            pl.calibration.find_corners(*args)
+    with pytest.raises(InvalidValueError, match="image 0: the image shows no board"):
+        pl.calibration.observe([raw], white_of(camera), DESIGN, pixel_pitch=PITCH)
