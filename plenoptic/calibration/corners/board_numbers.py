@@ -58,7 +58,7 @@ def number_points(points: VirtualPoints, shape: tuple[int, int]) -> tuple[NDArra
             "give the raw image of a checkerboard that several micro images show"
         )
     kind = _kinds(points, rows, place)
-    index = _place(place, kind, points.images[rows], _homography(place, points.position[rows]), shape)
+    index = _place(place, kind, _homography(place, points.position[rows]), shape)
     on_board = ((index >= 0) & (index < shape)).all(axis=1)
     numbers = np.full((len(points.w), 2), -1)
     numbers[rows[on_board]] = index[on_board]
@@ -66,11 +66,11 @@ def number_points(points: VirtualPoints, shape: tuple[int, int]) -> tuple[NDArra
     design = np.column_stack([points.position[rows], np.ones(len(rows))])
     weight = points.w[rows] ** 2 * np.sqrt(points.images[rows])
     depth = np.linalg.lstsq(design * weight[:, None], weight / points.w[rows], rcond=None)[0]
-    return numbers, BoardPlane(_homography(index, points.position[rows]), depth)
+    return numbers, BoardPlane(_homography(index, points.position[rows]), np.asarray(depth, dtype=np.float64))
 
 
 def _lattice(points: VirtualPoints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Points of the largest lattice, as rows (m,) of `points`, and their places (m, 2), right-handed as (row, column)."""
+    """Rows (m,) of the points on the largest lattice, and their places (m, 2), right-handed as (row, column)."""
     edges = np.stack([-np.sin(points.angle), np.cos(points.angle)], axis=-1)
     directions = np.concatenate([edges, -edges], axis=1)
     arm = points.position - points.position[:, None]
@@ -121,8 +121,7 @@ def _refine(
     points: VirtualPoints, rows: NDArray[np.int64], place: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Points that are where a homography has their places, with those that the steps did not reach."""
-    homography = _homography(place, points.position[rows])
-    exact = _project(np.linalg.inv(homography), points.position)
+    exact = _project(_inverse(_homography(place, points.position[rows])), points.position)
     nearest = np.rint(exact)
     off = np.hypot(*(exact - nearest).T)
     low, high = place.min(axis=0) - 2, place.max(axis=0) + 2
@@ -135,20 +134,17 @@ def _refine(
 
 def _kinds(points: VirtualPoints, rows: NDArray[np.int64], place: NDArray[np.int64]) -> int:
     """Parity of row + column of places whose bright quadrants are those above on the left and below on the right."""
-    homography = _homography(place, points.position[rows])
+    inverse = _inverse(_homography(place, points.position[rows]))
     bright = points.angle[rows].mean(axis=1)
     step = 1e-3 * np.stack([np.cos(bright), np.sin(bright)], axis=1)
-    inverse = np.linalg.inv(homography)
     move = _project(inverse, points.position[rows] + step) - _project(inverse, points.position[rows] - step)
     votes = np.sign(move[:, 0] * move[:, 1]) * (1 - 2 * (place.sum(axis=1) % 2))
     return int(votes.sum() < 0)
 
 
-def _place(
-    place: NDArray[np.int64], kind: int, weight: NDArray[np.int64], homography: Floats, shape: tuple[int, int]
-) -> NDArray[np.int64]:
+def _place(place: NDArray[np.int64], kind: int, homography: Floats, shape: tuple[int, int]) -> NDArray[np.int64]:
     """Row and column (m, 2) on the board of the lattice's places."""
-    options = []
+    options: list[tuple[int, float, NDArray[np.int64]]] = []
     for number, turn in enumerate(_TURNS):
         turned = place @ turn.T
         low, extent = turned.min(axis=0), np.ptp(turned, axis=0) + 1
@@ -159,20 +155,19 @@ def _place(
             index = turned - low + start
             if (parity + int(sum(start) - low.sum())) % 2 == 1:
                 inside = ((index >= 0) & (index < shape)).all(axis=1)
-                down = float((turn @ np.linalg.inv(homography / homography[2, 2])[:2, :2])[1, 1])
+                down = float((turn @ _inverse(homography / homography[2, 2])[:2, :2])[1, 1])
                 options.append((int(inside.sum()), down, index))
     count = max((option[0] for option in options), default=0)
     ties = [option for option in options if option[0] == count]
     rows, columns = shape
     symmetry = 1 if (rows + columns) % 2 else 4 if rows == columns and rows % 2 == 0 else 2
+    extent = " x ".join(map(str, np.ptp(place, axis=0) + 1))
     if count < _MIN_POINTS or count < 0.8 * len(place):
-        extent = " x ".join(map(str, np.ptp(place, axis=0) + 1))
         raise InvalidValueError(
             f"the image shows a lattice of {extent} corners, the board has {rows} x {columns}; give the board that was "
             "photographed"
         )
     if len(ties) > symmetry:
-        extent = " x ".join(map(str, np.ptp(place, axis=0) + 1))
         raise InvalidValueError(
             f"only {extent} corners of the board's {rows} x {columns} are visible, and they may be several; "
             "move the whole board into view"
@@ -196,6 +191,10 @@ def _normalise(places: Floats) -> tuple[Floats, Floats]:
     mean, spread = places.mean(axis=0), max(float(places.std()), 1e-12)
     matrix = np.array([[1 / spread, 0, -mean[0] / spread], [0, 1 / spread, -mean[1] / spread], [0, 0, 1]])
     return (places - mean) / spread, matrix
+
+
+def _inverse(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def _project(homography: Floats, places: Floats | NDArray[np.int64]) -> Floats:

@@ -60,11 +60,10 @@ def fit_corners(windows: Windows, pixel: Floats, angle: Floats, sigma: float) ->
     Levenberg-Marquardt steps; the light is mean + contrast E1 E2, where E is an edge blurred by a normal distribution.
     Errors are those of the residuals.
     """
-    parts = [
-        _fit(Windows(*(part[first : first + _CHUNK] for part in windows)), *(
-            part[first : first + _CHUNK] for part in (pixel, angle)), sigma)
-        for first in range(0, max(len(pixel), 1), _CHUNK)
-    ]  # fmt: skip
+    parts = []
+    for first in range(0, max(len(pixel), 1), _CHUNK):
+        rows = slice(first, first + _CHUNK)
+        parts.append(_fit(Windows(*(part[rows] for part in windows)), pixel[rows], angle[rows], sigma))
     return CornerFit(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 

@@ -27,17 +27,17 @@ _LIT, _UNVIGNETTED = (0.5, 0.95), (0.9, 0.8)
 """Least light of pixels over that of their micro image in the white image, smooth, and, without one, largest distance
 from the centre over the radius: for the search and for the last fit. Where the main lens's pupil cuts that of the
 microlens, blurred corners are displaced."""
-_WINDOW, _MIN_WINDOW, _SPACING = 0.7, 3.0, 0.8
-"""Radius of windows over that of micro images, their least radius in pixels, and largest one over the distance of
-neighbouring corners."""
+_SEARCH, _WINDOW, _MIN_WINDOW, _SPACING = 0.5, 0.7, 3.0, 0.8
+"""Radius of windows over that of micro images, in the search and in the last fit, their least radius in pixels, and
+largest one over the distance of neighbouring corners."""
 _BLUR, _MOTION = 0.8, 1.5
 """Blur with which the fit starts, and its largest step from there in pixels."""
-_MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.3, 3.0, 0.06, 0.4
+_MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
 """Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
 light, and least sine of the angle between edges."""
 _DISC = 0.545
 """Standard deviation of the normal distribution nearest to an edge that is blurred by a disc, over its radius."""
-_NEAR, _OUTLIER = 0.3, 4.0
+_NEAR, _OUTLIER = 0.2, 4.0
 """Largest distance of a corner from where its virtual point is seen, in pixels, beyond standard errors."""
 
 
@@ -127,21 +127,26 @@ def find_corners(
     --------
     >>> import plenoptic as pl
     >>> camera = pl.camera.example_camera(shape=(256, 256))
-    >>> board = pl.targets.checkerboard(5, 4, square=1.2, margin=3.0)
+    >>> board = pl.targets.checkerboard(5, 4, square=1.5, margin=3.0)
     >>> white = pl.render_white(camera, samples=16, progress=False)
     >>> scene = pl.Scene([*board.translated(z=-404).meshes], background=1.0)
     >>> raw = pl.render(scene, camera, samples=64, progress=False)
-    >>> pl.calibration.find_corners(raw, pl.calibration.find_micro_images(white), board, white=white)
+    >>> grid = pl.calibration.find_micro_images(white)
+    >>> corners = pl.calibration.find_corners(raw, grid, board, white=white)
+    >>> len(corners) > 150, sorted(set(corners.point.tolist())) == list(range(12))
+    (True, True)
     """
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
     shape = _corners_of(board)
     lit, patches = _patches(raw, white, grid)
     candidates, image = _candidates(lit)
     centre, radius = patches.centre[image], float(np.median(patches.radius)) * _UNVIGNETTED[1]
-    points = virtual_points(patches.index[image], centre, candidates, grid.basis, radius)
+    points = virtual_points(patches.lattice_index[image], centre, candidates, grid.basis, radius)
     numbers, plane = number_points(points, shape)
     corners, image, point = _fit_all(patches, points, numbers, plane, shape)
-    return BoardCorners(patches.index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC)
+    return BoardCorners(
+        patches.lattice_index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC
+    )
 
 
 def observe(
@@ -172,6 +177,18 @@ def observe(
     ------
     InvalidValueError
         If an image does not show the board, with the number of the image.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> camera = pl.camera.example_camera(shape=(256, 256))
+    >>> board = pl.targets.checkerboard(5, 4, square=1.5, margin=3.0)
+    >>> white = pl.render_white(camera, samples=16, progress=False)
+    >>> scenes = [pl.Scene([*board.translated(z=z).meshes], background=1.0) for z in (-404, -410)]
+    >>> raws = [pl.render(scene, camera, samples=64, progress=False) for scene in scenes]
+    >>> observations = pl.calibration.observe(raws, white, board, pixel_pitch=0.010)
+    >>> observations.frames.tolist(), len(observations.board)
+    ([0, 1], 12)
     """
     grid = find_micro_images(white)
     frames = []
@@ -245,7 +262,7 @@ def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patch
     smooth = mean_filter(np.pad(gain, 1, mode="edge"))[at]
     bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), 0.8, axis=1), 1e-300)[:, None, None]
     lit, unvignetted = (
-        np.where((distance < (part if white is None else 1.1) * radius[:, None, None]) & (smooth > least * bright), weight, 0.0)
+        weight * ((smooth > least * bright) & (distance < (part if white is None else 1.1) * radius[:, None, None]))
         for least, part in (_LIT, _UNVIGNETTED)
     )
     patches = Patches(index, centre, radius, corner, light[at], lit)
@@ -264,7 +281,7 @@ def _radii(grid: MicroImageGrid, index: NDArray[np.int64]) -> Floats:
 def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
     """Corners, whatever they belong to, and the micro image of each."""
     saddles = saddle_points(patches)
-    size = np.maximum(_WINDOW * patches.radius[saddles.image], _MIN_WINDOW)
+    size = np.maximum(_SEARCH * patches.radius[saddles.image], _MIN_WINDOW)
     corners = fit_corners(patches.windows(saddles.image, saddles.pixel, size), saddles.pixel, saddles.angle, _BLUR)
     good = _is_corner(patches, corners, saddles.image, saddles.pixel)
     return corners.rows(good), saddles.image[good]

@@ -21,7 +21,7 @@ _SAMPLE, _CHUNK = 500, 2048
 class Patches(NamedTuple):
     """Square windows around micro images."""
 
-    index: NDArray[np.int64]
+    lattice_index: NDArray[np.int64]
     """(n, 2)."""
     centre: Floats
     """(n, 2): row and column."""
@@ -36,7 +36,9 @@ class Patches(NamedTuple):
 
     def rows(self, chosen: NDArray[np.int64]) -> Patches:
         """Some of the windows."""
-        return Patches(*(part[chosen] for part in self))
+        lattice_index, corner = self.lattice_index[chosen], self.corner[chosen]
+        centre, radius, light, weight = (part[chosen] for part in (self.centre, self.radius, self.light, self.weight))
+        return Patches(lattice_index, centre, radius, corner, light, weight)
 
     def windows(self, image: NDArray[np.int64], pixel: Floats, radius: Floats) -> Windows:
         """Windows of radii (m,) around pixels (m, 2) in micro images (m,)."""
@@ -66,7 +68,7 @@ class Saddles(NamedTuple):
 
 def saddle_points(patches: Patches) -> Saddles:
     """Local maxima of minus the determinant of the Hessian matrix in micro images."""
-    n = len(patches.index)
+    n = len(patches.lattice_index)
     sample = patches.rows(np.arange(0, n, max(1, n // _SAMPLE)))
     light = _continue(sample)
     strength = _curvatures(light)[3][sample.weight > 0]
@@ -87,7 +89,7 @@ def _saddles(patches: Patches, first: int, level: float) -> Saddles:
         bend = np.maximum(2.0 * middle[image, row, column] - low - high, 1e-300)
         shift.append(np.clip(0.5 * (high - low) / bend, -0.5, 0.5))
     at = image, row + 1, column + 1
-    pixel = patches.corner[image] + np.stack(at[1:], axis=1) + np.stack(shift, axis=1)
+    pixel = (patches.corner[image] + np.stack(at[1:], axis=1)).astype(np.float64) + np.stack(shift, axis=1)
     return Saddles(image + first, pixel, _normals(rr[at], cc[at], rc[at]))
 
 

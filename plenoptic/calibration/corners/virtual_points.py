@@ -112,8 +112,8 @@ def _best_w(
         agrees = np.abs(w[:, None] - w) * length < _TOLERANCE
         # Each micro image counts once.
         _, image = np.unique(index[pairs.second[rows]], axis=0, return_inverse=True)
-        support = np.zeros((len(rows), len(rows)), dtype=bool)
-        np.logical_or.at(support, (slice(None), image.ravel()), agrees)
+        member = image.ravel() == np.arange(len(rows))[:, None]
+        support = agrees.astype(np.float64) @ member.T > 0
         expected = (np.hypot(*np.moveaxis(offset[k] - w[:, None, None] * arms, 2, 0)) < radius).sum(axis=1)
         score = (1.0 + _MISSING) * support.sum(axis=1) - _MISSING * expected
         best = int(np.argmax(score))
