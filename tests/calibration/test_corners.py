@@ -159,7 +159,7 @@ def test_observations_of_raw_images_calibrate():
     assert calibration.corner_rms < 0.03 and calibration.centre_rms < 0.01
     P = pl.calibration.Parameter
     for parameter, true in ((P.FOCAL_LENGTH, 100.716), (P.ARRAY_TO_SENSOR, 1.7)):
-        assert abs(calibration[parameter] - true) < 5 * calibration.standard_error(parameter) < 0.05 * true
+        assert abs(calibration[parameter] - true) < 5 * calibration.standard_error(parameter) < 0.08 * true
     # Images of the board as it was fitted are those of the real one.
     twin, truth = (
         pl.package.calibration_points(each, dataclasses.replace(DESIGN, points=points))

@@ -35,6 +35,10 @@ _BLUR, _MOTION = 0.8, 1.5
 _MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
 """Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
 light, and least sine of the angle between edges."""
+_SIDES = 1.0
+"""Distance along rows and columns at which pixels show a corner on all sides, over the blur's standard deviation."""
+_MAX_BLUR = 0.2
+"""Largest standard deviation of the blur over the distance of neighbouring corners, whose edges are in the way."""
 _DISC = 0.545
 """Standard deviation of the normal distribution nearest to an edge that is blurred by a disc, over its radius."""
 _NEAR, _OUTLIER = 0.2, 4.0
@@ -289,10 +293,13 @@ def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
 
 def _is_corner(patches: Patches, corners: CornerFit, image: NDArray[np.int64], start: Floats) -> NDArray[np.bool_]:
     bright = float(np.quantile(patches.light[patches.weight > 0], 0.95))
-    local = np.floor(corners.pixel).astype(np.int64) - patches.corner[image]
-    row, column = np.clip(local, 0, patches.light.shape[1] - 2).T
     # Pixels on all sides show the corner.
-    inside = [patches.weight[image, row + i, column + j] > 0 for i in (0, 1) for j in (0, 1)]
+    reach = np.maximum(0.5, _SIDES * corners.sigma)
+    inside = []
+    for direction in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+        pixel = np.rint(corners.pixel + np.outer(reach, direction)).astype(np.int64) - patches.corner[image]
+        row, column = np.clip(pixel, 0, patches.light.shape[1] - 1).T
+        inside.append(patches.weight[image, row, column] > 0)
     with np.errstate(invalid="ignore"):
         return np.asarray(
             np.all(inside, axis=0)
@@ -321,6 +328,11 @@ def _fit_all(
     corners = fit_corners(patches.windows(image, start, size), start, angle[point], _BLUR)
     good = _is_corner(patches, corners, image, start)
     good &= np.cos(corners.angle.sum(axis=1) - angle[point].sum(axis=1)) > 0.5
+    good &= corners.sigma < _MAX_BLUR * spacing[point]
+    if not good.any():
+        raise InvalidValueError(
+            "corners are blurred over more than a third of a square; focus better, or take a board of larger squares"
+        )
     corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
     good = np.zeros(len(point), dtype=bool)
     for k in np.unique(point):
