@@ -172,6 +172,32 @@ def test_observations_of_raw_images_calibrate():
     assert np.sqrt(np.mean(np.square(missed))) < 0.05
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "length", "dark", "electrons", "rate", "error"),
+    [
+        ("G1", 2.0, 0.05, 500.0, 0.97, 0.03),
+        ("G1", 2.0, 0.05, 50.0, 0.95, 0.12),
+        ("G1", 2.0, 0.55, 500.0, 0.95, 0.1),
+        ("G1", 1.6, 0.05, 500.0, 0.95, 0.07),
+        ("G1", 1.45, 0.05, 500.0, 0.4, 0.08),
+        ("K1", 1.7, 0.05, 500.0, 0.98, 0.035),
+        ("K1", 1.7, 0.55, 500.0, 0.97, 0.12),
+    ],
+)
+def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons, rate, error):
+    camera = camera_of(kind, (length,))
+    design = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0, dark=pl.Lambertian(dark))
+    board, grid = tilted(design=design), grid_of(camera)
+    corners = found(camera, board, electrons=electrons, samples=256)
+    errors, truth, met = errors_of(corners, camera, board)
+    centres, radius = grid.centres_of(grid.on_sensor), np.median(grid.radius)
+    inner = [k for k, p in enumerate(truth.pixel) if np.hypot(*(centres - p).T).min() < radius - 2.5]
+    assert np.isin(inner, met).mean() > rate and np.sqrt(np.mean(errors**2)) < error
+    assert np.hypot(*errors.T).max() < 1.0
+    assert 0.8 < np.sqrt(np.mean((errors / corners.standard_error) ** 2)) < 1.25
+
+
 def test_what_is_no_board_and_no_raw_image_is_refused():
     camera = camera_of("G1")
     grid, raw = grid_of(camera), np.zeros((260, 340))

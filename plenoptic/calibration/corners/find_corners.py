@@ -35,7 +35,7 @@ _BLUR, _MOTION = 0.8, 1.5
 _MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
 """Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
 light, and least sine of the angle between edges."""
-_SIDES = 1.0
+_SIDES = 0.7
 """Distance along rows and columns at which pixels show a corner on all sides, over the blur's standard deviation."""
 _MAX_BLUR = 0.2
 """Largest standard deviation of the blur over the distance of neighbouring corners, whose edges are in the way."""
@@ -124,8 +124,8 @@ def find_corners(
     A checkerboard with an odd number of squares along one side and an even one along the other looks different after
     half a turn. If it does not, the turn is chosen with which columns run as those of the raw image do most nearly:
     turn such a board by less than 90 degrees between images. A mirrored raw image is that of a mirrored camera, and is
-    not refused. Micro images of an unfocused camera (1.0) show no corners, since each holds one point of the
-    scene.
+    not refused. Micro images of an unfocused camera (1.0) show no corners, since each holds one point of the scene.
+    Errors are those of the residuals; where blur reaches over half of a micro image, true ones are up to twice as large.
 
     Examples
     --------
