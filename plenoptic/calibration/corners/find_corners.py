@@ -125,7 +125,7 @@ def find_corners(
     half a turn. If it does not, the turn is chosen with which columns run as those of the raw image do most nearly:
     turn such a board by less than 90 degrees between images. A mirrored raw image is that of a mirrored camera, and is
     not refused. Micro images of an unfocused camera (1.0) show no corners, since each holds one point of the scene.
-    Errors are those of the residuals; where blur reaches over half of a micro image, true ones are up to twice as large.
+    Errors are those of the residuals; with blur over half of a micro image, true ones are up to twice as large.
 
     Examples
     --------
