@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import plenoptic as pl
-from plenoptic.plots.scene_shapes import draw_shapes, shapes_of
+from plenoptic.plots.scene import draw_shapes, shapes_of
 
 CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((64, 64), 0.1), 134.6)
 X, Y, Z = np.eye(3)
