@@ -11,11 +11,11 @@ from plenoptic.calibration.fitting.covariance import ErrorCluster
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter
 from plenoptic.calibration.twin import FixedParts, twin_camera
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, choice, number, result, seed_number, whole
 from plenoptic.errors import InvalidValueError
 
 P = Parameter
-_UNITS = {P.TURN: "rad", P.TILT_X: "rad", P.TILT_Y: "rad", P.AXIS_ROW: "px", P.AXIS_COLUMN: "px", P.STRETCH: ""}
 _VALLEY = 0.95
 """Correlation of parameters above which they are named together."""
 
@@ -103,6 +103,11 @@ class Calibration:
         """Value of a parameter."""
         return float(self.values[choice(parameter, Parameter, "parameter")])
 
+    @property
+    def fitted(self) -> tuple[Parameter, ...]:
+        """Parameters that were fitted."""
+        return tuple(p for p in P if self.standard_error(p) > 0)
+
     def standard_error(self, parameter: Parameter) -> float:
         """Standard error of a parameter by the residuals; 0 if it is not fitted."""
         k = choice(parameter, Parameter, "parameter")
@@ -180,15 +185,14 @@ class Calibration:
         draws += normal[:, COUNT:] * self.model_change
         return tuple(twin_camera(self.values + draw, self.layout) for draw in draws)
 
+    _repr_html_ = picture_of
+
     def __repr__(self) -> str:
         lines = [f"corners {self.corner_rms:.3f} px, centres {self.centre_rms:.3f} px, {len(self.turn)} frames"]
-        for p in P:
-            if self.standard_error(p) > 0:
-                low, high = self.interval(p)
-                name = f"{p.name.lower()}{', ' if _UNITS.get(p, 'mm') else ''}{_UNITS.get(p, 'mm')}"
-                lines.append(
-                    f"{name:<22}{self[p]:>12.6g} +- {self.standard_error(p):<9.2g}95 %: {low:.6g} to {high:.6g}"
-                )
+        for p in self.fitted:
+            low, high = self.interval(p)
+            name = f"{p.name.lower()}{', ' if p.unit else ''}{p.unit}"
+            lines.append(f"{name:<22}{self[p]:>12.6g} +- {self.standard_error(p):<9.2g}95 %: {low:.6g} to {high:.6g}")
         lines += [repr(each) for each in self.held_out]
         lines += self.valleys
         return "\n".join(lines)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, Given, check_kind, choice, frozen_array, positions, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import Lattice
@@ -87,6 +88,8 @@ class Observations:
     def frames(self) -> NDArray[np.int64]:
         """Numbers of the frames, in ascending order."""
         return np.unique(self.frame)
+
+    _repr_html_ = picture_of
 
     def __repr__(self) -> str:
         counts = (

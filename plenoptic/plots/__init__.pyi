@@ -2,6 +2,10 @@ from .aberrations import plot_chromatic_shift as plot_chromatic_shift
 from .aberrations import plot_seidel as plot_seidel
 from .aberrations import plot_wavefront as plot_wavefront
 from .aberrations import plot_zernike as plot_zernike
+from .calibration import plot_calibration as plot_calibration
+from .calibration import plot_corners as plot_corners
+from .calibration import plot_grid as plot_grid
+from .calibration import plot_residuals as plot_residuals
 from .camera import plot_camera as plot_camera
 from .camera import plot_camera_spread as plot_camera_spread
 from .contrast import plot_mtf as plot_mtf

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plenoptic.core.values import check_has
+from plenoptic.core.values import Floats, check_has
 from plenoptic.plots.canvas import COLOURS, axes_or_new, figure_or_new
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> 
     Returns
     -------
     matplotlib.figure.Figure
-        Left, arrows from the microlenses (their place on the array) to the centres of their images on the sensor, some
-        15 along a side, drawn longer as the title says; right, each type of microlens around the middle with its own
-        mark, with rows and columns as axes.
+        Left, arrows from the microlenses (their place on the array) to the centres of their images on the sensor, means
+        over cells, 15 along a side, drawn longer as the title says; right, each type of microlens around the middle
+        with its own mark, with rows and columns as axes.
 
     Examples
     --------
@@ -64,19 +64,32 @@ def plot_centres(centres: MicrolensCentres, *, figure: Figure | None = None) -> 
 
 
 def _draw_displacements(centres: MicrolensCentres, ax: Axes) -> None:
-    places, moved = centres.on_array, centres.position - centres.on_array
+    times = draw_arrows(ax, centres.on_array, centres.position - centres.on_array)
+    ax.set_title(f"from microlens to image, {times:g} times as long", fontsize="medium")
+
+
+def draw_arrows(ax: Axes, places: Floats, moved: Floats, colour: str = COLOURS[0]) -> float:
+    """Draw displacements (n, 2) of places (n, 2), means over square cells; the factor by which they are longer.
+
+    Cells with less than a quarter of the median number of places are left out.
+    """
     low, high = places.min(axis=0), places.max(axis=0)
     span = float((high - low).max()) or 1.0
-    cells = np.floor((places - low) / span * (_ARROWS - 1e-9)).astype(int)
-    chosen = np.unique(cells, axis=0, return_index=True)[1]
-    longest = float(np.hypot(*moved[chosen].T).max())
+    _, cell, count = np.unique(
+        np.floor((places - low) / span * (_ARROWS - 1e-9)).astype(int), axis=0, return_inverse=True, return_counts=True
+    )
+    start, step = (
+        np.column_stack([np.bincount(cell.ravel(), column) / count for column in part.T])[count >= np.median(count) / 4]
+        for part in (places, moved)
+    )
+    longest = float(np.hypot(*step.T).max())
     times = 0.8 * span / _ARROWS / longest if longest else 1.0
     times = float(f"{times:.1g}") if times < 1e6 else 1.0
     to_scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004}
-    ax.quiver(*places[chosen].T, *(times * moved[chosen]).T, color=COLOURS[0], **to_scale)
-    ax.plot(*places[chosen].T, ".", color=COLOURS[0], markersize=3)
-    ax.set_title(f"from microlens to image, {times:g} times as long", fontsize="medium")
+    ax.quiver(*start.T, *(times * step).T, color=colour, **to_scale)
+    ax.plot(*start.T, ".", color=colour, markersize=3)
     ax.margins(0.1)
+    return times
 
 
 def _draw_middle(centres: MicrolensCentres, ax: Axes) -> None:

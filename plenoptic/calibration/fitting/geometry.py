@@ -55,6 +55,12 @@ class Parameter(enum.IntEnum):
     DISTORTION = 13
     """Relative increase of the image height per squared image height, 1/mm^2."""
 
+    @property
+    def unit(self) -> str:
+        """Unit of its values; empty for a ratio."""
+        units = {"TURN": "rad", "TILT_X": "rad", "TILT_Y": "rad", "AXIS_ROW": "px", "AXIS_COLUMN": "px"}
+        return (units | {"STRETCH": "", "DISTORTION": "1/mm^2"}).get(self.name, "mm")
+
 
 P = Parameter
 COUNT = len(Parameter)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import (
     Floats,
     Given,
@@ -212,6 +213,8 @@ class MicroImageGrid:
         # Beyond the sensor it goes on as at the edge.
         y, x = np.clip(self.sensor_fractions(p), -1.1, 1.1).T
         return np.asarray(np.moveaxis(chebyshev.chebval2d(y.T, x.T, self.deviation), 0, -1))
+
+    _repr_html_ = picture_of
 
     def __repr__(self) -> str:
         pitches = " x ".join(

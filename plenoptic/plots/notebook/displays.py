@@ -16,6 +16,7 @@ from plenoptic.optics.lens.analysis.layout import lens_layout
 from plenoptic.optics.stops.stop_registry import STOPS
 from plenoptic.plots import (
     aberrations,
+    calibration,
     camera,
     contrast,
     error_time,
@@ -117,6 +118,7 @@ _stop_picture = _axes(lens.plot_stop, (4.0, 4.0), "The hole of a stop")
 
 PICTURES: dict[str, Callable[[Any], str]] = {
     **{kind.stop.__name__: _stop_picture for kind in STOPS.values()},
+    "Calibration": _figure(calibration.plot_calibration, calibration.SIZE, "Errors of a calibration"),
     "CameraReport": report_html,
     "CameraSpread": _axes(camera.plot_camera_spread, (6.2, 5.0), "The light of a point on the sensor"),
     "ChromaticShift": _curves(aberrations.plot_chromatic_shift, (5.0, 4.0), "Focus against the wavelength"),
@@ -132,9 +134,13 @@ PICTURES: dict[str, Callable[[Any], str]] = {
         lightfield.light_field_size,
         "The central view of a light field with epipolar slices",
     ),
+    "MicroImageGrid": _figure(calibration.plot_grid, calibration.SIZE, "A lattice of micro images"),
     "MicrolensArray": _axes(components.draw_array, components.ARRAY_SIZE, "Microlenses around the centre of an array"),
     "MicrolensCentres": _figure(points.plot_centres, (9.6, 4.4), "Centres of micro images"),
     "Mtf": _curves(contrast.plot_mtf, _CURVES, "Modulation against the spatial frequency"),
+    "Observations": _axes(
+        lambda observations, ax: calibration.plot_corners(observations, ax=ax), (6.0, 4.6), "Corners on the sensor"
+    ),
     "PhotonTransfer": _curves(sensor.plot_photon_transfer, _CURVES, "Variance against the signal"),
     "Plan": LastResultCache(_plan_html),
     "PlenopticCamera": LastResultCache(_camera_html),
