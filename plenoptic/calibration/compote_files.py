@@ -16,8 +16,8 @@ from plenoptic.errors import FileError
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
 
-_CORNERS, _CENTRES = ("k", "l", "u", "v", "rho", "cluster", "frame"), ("k", "l", "u", "v")
-_SQUARE, _ROWS, _COLUMNS = 0, 1, 2
+FEATURE_COLUMNS, CENTRE_COLUMNS = ("k", "l", "u", "v", "rho", "cluster", "frame"), ("k", "l", "u", "v")
+SQUARE, ROWS, COLUMNS = 0, 1, 2
 """Geometries of a mesh: orthogonal, hexagonal with rows or with columns of neighbours."""
 
 
@@ -70,7 +70,7 @@ def read_compote(
     """
     columns, spacing = whole(board_columns, "board_columns", at_least=2), length_in_mm(square, "square")
     geometry, sensor = _read_camera(Path(camera))
-    table, middle = _read_table(Path(corners), _CORNERS), _read_table(Path(centres), _CENTRES)
+    table, middle = _read_table(Path(corners), FEATURE_COLUMNS), _read_table(Path(centres), CENTRE_COLUMNS)
     table = table[table[:, 5] >= 0]
     point, frame = table[:, 5].astype(np.int64), table[:, 6].astype(np.int64)
     cells = np.arange(point.max(initial=-1) + 1)
@@ -85,7 +85,7 @@ def read_compote(
         centre_index=_lattice_index(middle[:, :2], geometry),
         centre_pixel=middle[:, 3:1:-1],
         sensor=sensor,
-        lattice=Lattice.SQUARE if geometry == _SQUARE else Lattice.HEXAGONAL,
+        lattice=Lattice.SQUARE if geometry == SQUARE else Lattice.HEXAGONAL,
         blur=table[:, 4],
     )
 
@@ -96,7 +96,7 @@ def _read_camera(path: Path) -> tuple[int, Sensor]:
         mesh, sensor = content["mia"]["mesh"], content["sensor"]
         shape = int(sensor["height"]), int(sensor["width"])
         geometry = int(mesh["geometry"])
-        if geometry not in (_SQUARE, _ROWS, _COLUMNS):
+        if geometry not in (SQUARE, ROWS, COLUMNS):
             raise ValueError(f"the geometry of the mesh is {geometry}")
         return geometry, Sensor(shape=shape, pixel_pitch=float(sensor["scale"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -120,11 +120,35 @@ def _lattice_index(places: Floats, geometry: int) -> NDArray[np.int64]:
     60 degrees counter-clockwise from the first.
     """
     k, l = places.astype(np.int64).T  # noqa: E741
-    if geometry == _ROWS:  # even rows are half a pitch farther right
+    if geometry == ROWS:  # even rows are half a pitch farther right
         return np.column_stack([l, k - (l + 1) // 2])
-    if geometry == _COLUMNS:  # odd columns are half a pitch farther up
+    if geometry == COLUMNS:  # odd columns are half a pitch farther up
         return np.column_stack([-k, l + k // 2])
     return np.column_stack([-k, l])
+
+
+def mesh_numbers(observations: Observations) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
+    """Geometry of the mesh of micro images, and numbers k, l of those of corners (n, 2) and of centres (m, 2)."""
+    centre, uv = observations.centre_index, observations.centre_pixel[:, ::-1]
+    table = np.column_stack([centre, np.ones(len(centre))])
+    step = complex(*np.linalg.lstsq(table, uv, rcond=None)[0][1])
+    index = np.concatenate([observations.index, centre])
+    is_hexagonal = observations.lattice is Lattice.HEXAGONAL
+    # Neighbours (0, 1) lie to the right in ROWS, otherwise below: turn the indices by a symmetry until they do.
+    symmetry = 6 if is_hexagonal else 4
+    turns = np.angle(step / np.array([1.0, 1j])) * symmetry / (2.0 * np.pi)
+    geometry = ROWS if is_hexagonal and abs(turns[0] - np.rint(turns[0])) < 0.25 else COLUMNS
+    for _ in range(int(-np.rint(turns[geometry - 1])) % symmetry):
+        index = np.column_stack([-index[:, 1], index[:, 1] * is_hexagonal + index[:, 0]])
+    i, j = index.T
+    if geometry == ROWS:
+        number = np.column_stack([j + (i + 1) // 2, i])
+    else:
+        number = np.column_stack([-i, j + (i + 1) // 2 * is_hexagonal])
+    low = number.min(axis=0)
+    low[2 - geometry] -= low[2 - geometry] % 2
+    number -= low
+    return geometry if is_hexagonal else SQUARE, number[: len(observations.index)], number[len(observations.index) :]
 
 
 def _upward(grid: Floats, uv: Floats, frame: NDArray[np.int64]) -> float:

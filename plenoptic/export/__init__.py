@@ -1,6 +1,6 @@
 """Raw images and light fields in the formats of other programs; each states the limits of its program."""
 
-from plenoptic.export.to_compote import compote
+from plenoptic.export.to_compote import compote, compote_calibration
 from plenoptic.export.to_hci import hci
 from plenoptic.export.to_jpeg_pleno import jpeg_pleno
 from plenoptic.export.to_lftoolbox import lftoolbox
@@ -13,6 +13,7 @@ from plenoptic.export.to_plenpy import plenpy
 __all__ = [
     "VoxFile",
     "compote",
+    "compote_calibration",
     "hci",
     "jpeg_pleno",
     "lftoolbox",

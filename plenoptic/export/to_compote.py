@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.calibration.calibration_result import Calibration
+from plenoptic.calibration.compote_files import CENTRE_COLUMNS, COLUMNS, FEATURE_COLUMNS, ROWS, SQUARE, mesh_numbers
+from plenoptic.calibration.observations import Observations
+from plenoptic.calibration.twin import object_origin
 from plenoptic.camera.assembly import Rigid, rigid
 from plenoptic.camera.gaussian import CameraKind
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
@@ -17,7 +21,7 @@ from plenoptic.camera.report.report import camera_report
 from plenoptic.core.files.atomic_file import write_file, write_json
 from plenoptic.core.files.codes import white_point
 from plenoptic.core.files.text_lines import csv_text
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, check_kind
 from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
@@ -124,9 +128,9 @@ def compote(  # noqa: PLR0913
             "images": [frame_facts | {"frame": 0}],
         },
     )
-    _write_camera(target, rows, f_number)
+    _write_camera(target, rows, f_number, ROWS if rows.hexagonal else SQUARE)
     v, u = rows.centre.T
-    write_file(target / "centres.csv", csv_text(["k", "l", "u", "v"], (rows.place, rows.row, u, v)).encode("ascii"))
+    write_file(target / "centres.csv", csv_text(CENTRE_COLUMNS, (rows.place, rows.row, u, v)).encode("ascii"))
     if boards:
         _write_boards(target, rows, boards, scene)
     turned = ", and so do width and height in camera.js" if rows.turns else ""
@@ -143,6 +147,78 @@ def compote(  # noqa: PLR0913
     )
 
 
+def compote_calibration(folder: str | os.PathLike[str], calibration: Calibration, observations: Observations) -> None:
+    """Write a calibration and its observations for COMPOTE.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder, made if it is missing; files of the same name are replaced.
+    calibration : Calibration
+    observations : Observations
+        The observations it was made from. Their pixels stay as they are.
+
+    Raises
+    ------
+    InvalidValueError
+        If the observations are others.
+    FileError
+        If a file cannot be written.
+
+    Notes
+    -----
+    camera.js and intrinsics.js are the camera, as `compote` writes it, features.csv and centres.csv the observations,
+    which `pl.calibration.read_compote` reads, scene.js the board as fitted, poses.js the camera before it in each
+    frame. Numbers of microlenses begin in another place.
+
+    Not expressed: errors, an exit pupil outside the rear principal plane, distortion.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+    >>> camera = pl.PlenopticCamera(lens=lens.with_model(pl.LensModel.THIN), microlenses=pl.MicrolensArray(0.4, (2.0,)),
+    ...     sensor=pl.Sensor(shape=(350, 400), pixel_pitch=0.02), stop_to_microlenses=156.0, microlenses_to_sensor=3.0)
+    >>> design = pl.targets.checkerboard(6, 5, square=3.0)
+    >>> axes = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)
+    >>> boards = [design.rotated_deg(axis, 25).translated(z=-380) for axis in axes]
+    >>> corners, centres = pl.package.calibration_points(camera, boards), pl.microlens_centres(camera)
+    >>> observations = pl.calibration.Observations(corners.index, corners.pixel, corners.frame, corners.point,
+    ...     design.points, centres.index, centres.pixel, camera.sensor)
+    >>> calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 8.0), board=0.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pl.export.compote_calibration(folder, calibration, observations)
+    ...     files = [pathlib.Path(folder) / name for name in ("intrinsics.js", "features.csv", "centres.csv")]
+    ...     pl.calibration.read_compote(*files, board_columns=5, square=3.0) # doctest: +ELLIPSIS
+    Observations(... corners in 4 frames, 20 board points, ... centres)
+    """
+    check_kind(calibration, "calibration", Calibration, "pl.calibrate(observations, start=...)")
+    check_kind(observations, "observations", Observations, "pl.calibration.Observations(...)")
+    corners, centres = calibration.corner_residual, calibration.centre_residual
+    if (corners.shape, centres.shape) != (observations.pixel.shape, observations.centre_pixel.shape):
+        raise InvalidValueError("the observations are not those of the calibration; give the ones it was made from")
+    target, camera = folder_at(folder), calibration.camera
+    geometry, corner_number, number = mesh_numbers(observations)
+    index, kind = observations.centre_index, np.zeros(len(number), np.int64)
+    k, l = number.T  # noqa: E741
+    rows = LensRows(camera, 0, index, kind, observations.centre_pixel, l, k, kind > 0, 0.0, (1.0, 1.0))
+    _write_camera(target, rows, calibration.layout.f_number, geometry)
+    front = np.array([0.0, 0.0, object_origin(camera)])
+    # From the program's axes of the camera to the board.
+    poses = [
+        {"frame": frame, "pose": _pose((_TURNED[0] @ turn).T, (front - shift) @ turn)}
+        for frame, turn, shift in zip(observations.frames.tolist(), calibration.turn, calibration.shift, strict=True)
+    ]
+    write_json(target / "poses.js", {"poses": poses})
+    write_json(target / "scene.js", {"checkerboards": [_board(calibration.board, _grid_index(observations.board))]})
+    blur = np.zeros(len(corner_number)) if observations.blur is None else observations.blur
+    v, u = observations.pixel.T
+    columns = *corner_number.T, u, v, blur, observations.point, observations.frame
+    write_file(target / "features.csv", csv_text(FEATURE_COLUMNS, columns).encode("ascii"))
+    v, u = observations.centre_pixel.T
+    write_file(target / "centres.csv", csv_text(CENTRE_COLUMNS, (*number.T, u, v)).encode("ascii"))
+
+
 def _with_even_rows(rows: LensRows) -> LensRows:
     """A rectangle of lenses with an even number of rows, the first of which is shifted in a hexagonal lattice."""
     lens = rows.rectangle()
@@ -151,24 +227,29 @@ def _with_even_rows(rows: LensRows) -> LensRows:
     return lens.select(lens.row < (lens.row.max() + 1) // 2 * 2)
 
 
-def _mesh(rows: LensRows, places: Floats, columns: NDArray[np.int64], lines: NDArray[np.int64]) -> dict[str, Any]:
-    """The mesh of nodes `places` (n, 2 or 3) by their numbers, with the pose of its own axes."""
-    ideal = np.column_stack([columns + (0.5 * (lines % 2 == 0) if rows.hexagonal else 0.0), lines])
-    height = np.sqrt(0.75) if rows.hexagonal else 1.0
+def _mesh(geometry: int, size: tuple[int, int], places: Floats, number: NDArray[np.int64]) -> dict[str, Any]:
+    """The mesh of nodes `places` (n, 2 or 3) by their numbers (n, 2), with the pose of its own axes."""
+    column, line = number.T
+    height = np.sqrt(0.75)
+    ideal = {
+        SQUARE: number,
+        ROWS: np.column_stack([column + 0.5 * (line % 2 == 0), height * line]),
+        COLUMNS: np.column_stack([height * column, line - 0.5 * (column % 2)]),
+    }[geometry]
     (along, down, start), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), places, rcond=None)
-    pitch = [float(np.linalg.norm(along)), float(np.linalg.norm(down) / height)]
-    axes = [along / np.linalg.norm(along), down / np.linalg.norm(down)]
+    pitch = [float(np.linalg.norm(along)), float(np.linalg.norm(down))]
+    axes = [along / pitch[0], down / pitch[1]]
     axes += [np.cross(*axes)] if places.shape[1] == 3 else []
     return {
-        "geometry": int(rows.hexagonal),
-        "width": int(columns.max()) + 1,
-        "height": int(lines.max()) + 1,
+        "geometry": geometry,
+        "width": size[0],
+        "height": size[1],
         "pitch": [pitch],
         "pose": _pose(np.column_stack(axes), start),
     }
 
 
-def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
+def _write_camera(target: Path, rows: LensRows, f_number: float, geometry: int) -> None:
     camera, turn = rows.camera, _TURNED[rows.turns]
     array, points = rows.array, cardinal_points(camera.lens, camera.wavelength)
     rear, report = points.rear_principal, camera_report(camera)
@@ -194,11 +275,13 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
     nodes = in_compote_axes(
         rigid(camera.microlenses_placement, camera.stop_to_microlenses), np.pad(centres, ((0, 0), (0, 1)))
     )
-    last_column, last_line = rows.place.max(), rows.row.max()
-    own_mesh = _mesh(rows, nodes, last_column - rows.place, last_line - rows.row)
+    # An even number of lines that are shifted by turns, so that they are so from the other side too.
+    number = np.column_stack([rows.place, rows.row])
+    last = number.max(axis=0) | [geometry == COLUMNS, geometry == ROWS]
+    size = int(last[0]) + 1, int(last[1]) + 1
     sensor = {"scale": pixel, "width": width, "height": height}
     common = {
-        "mia": {"mesh": _mesh(rows, rows.centre[:, ::-1], rows.place, rows.row)},
+        "mia": {"mesh": _mesh(geometry, size, rows.centre[:, ::-1], number)},
         "dist_focus": abs(focus) if focus is not None and np.isfinite(focus) else 0.0,
         "I": len(array.focal_lengths),
         "mode": _MODES.get(report.kind, 2),
@@ -218,7 +301,7 @@ def _write_camera(target: Path, rows: LensRows, f_number: float) -> None:
             "f": abs(points.efl),
             "pose": _pose(np.eye(3), np.zeros(3)),
         },
-        "mla": {"focal_lengths": list(array.focal_lengths), "mesh": own_mesh},
+        "mla": {"focal_lengths": list(array.focal_lengths), "mesh": _mesh(geometry, size, nodes, last - number)},
         "sensor": sensor | {"pose": _pose(turned, origin)},
     }
     write_json(target / "intrinsics.js", common | intrinsics)
@@ -240,7 +323,7 @@ def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scen
         rotation = np.column_stack([camera.pose.to_world(front + axis) - place for axis in turn])
     pose = _pose(np.asarray(rotation), np.asarray(place))
     write_json(target / "poses.js", {"poses": [{"frame": frame, "pose": pose} for frame in range(len(boards))]})
-    write_json(target / "scene.js", {"checkerboards": [_board(board) for board in boards]})
+    write_json(target / "scene.js", {"checkerboards": [_board(board.points, board.index) for board in boards]})
     corners = calibration_points(camera, boards, scene=scene)
     lens_numbers = {tuple(pair): number for number, pair in enumerate(rows.lens.tolist())}
     lens = np.array([lens_numbers.get(tuple(pair), -1) for pair in corners.index.tolist()], np.int64)
@@ -248,21 +331,31 @@ def _write_boards(target: Path, rows: LensRows, boards: tuple[Target, ...], scen
     row, column = corners.pixel[listed].T
     u, v = (column, row) if rows.turns == 0 else (row, camera.sensor.shape[1] - 1 - column)
     columns = rows.place[lens], rows.row[lens], u, v, corners.blur[listed], corners.point[listed], corners.frame[listed]
-    header = ["k", "l", "u", "v", "rho", "cluster", "frame"]
-    write_file(target / "features.csv", csv_text(header, columns).encode("ascii"))
+    write_file(target / "features.csv", csv_text(FEATURE_COLUMNS, columns).encode("ascii"))
 
 
-def _board(board: Target) -> dict[str, Any]:
-    """The points of a target in the world; as a grid if it is one."""
-    content: dict[str, Any] = {"points": board.points.tolist()}
-    if board.index is None or len(board.points) < 3:
+def _grid_index(points: Floats) -> NDArray[np.int64] | None:
+    """Rows and columns of points that form a grid and are listed row by row; None if they do not."""
+    away = np.linalg.norm(points - points[0], axis=1)
+    columns = int(np.argmin(np.abs(away[1:] - np.arange(1, len(points)) * away[1 % len(away)]) < 1e-6 * away.max())) + 1
+    number = np.arange(len(points))
+    index = np.column_stack([number // columns, number % columns])
+    table = np.column_stack([index, np.ones(len(points))])
+    fit = table @ np.linalg.lstsq(table, points, rcond=None)[0]
+    return index if np.abs(fit - points).max() < 1e-6 * away.max() else None
+
+
+def _board(points: Floats, index: NDArray[np.int64] | None) -> dict[str, Any]:
+    """Points of a board in the world, and if their numbers (row, column) are given, the grid that they form."""
+    content: dict[str, Any] = {"points": points.tolist()}
+    if index is None or len(points) < 3:
         return content
-    table = np.column_stack([board.index[:, ::-1] - board.index.min(axis=0)[::-1], np.ones(len(board.points))])
+    table = np.column_stack([index[:, ::-1] - index.min(axis=0)[::-1], np.ones(len(points))])
     if np.linalg.matrix_rank(table) < 3:
         return content
-    (along, down, start), *_ = np.linalg.lstsq(table, board.points, rcond=None)
+    (along, down, start), *_ = np.linalg.lstsq(table, points, rcond=None)
     side = float(np.linalg.norm(along))
     axes = [along / side, down / np.linalg.norm(down)]
-    columns, lines = (np.ptp(board.index[:, ::-1], axis=0) + 1).tolist()
+    columns, lines = (np.ptp(index[:, ::-1], axis=0) + 1).tolist()
     pose = _pose(np.column_stack([*axes, np.cross(*axes)]), start)
     return content | {"lph": side, "x_grid": columns, "y_grid": lines, "pose": pose}

@@ -34,9 +34,10 @@ def in_frame(found, points):
 def nodes(mesh):
     """Places of all nodes of a mesh by (column, row) in the frame around it."""
     columns, rows = np.meshgrid(np.arange(mesh["width"]), np.arange(mesh["height"]), indexing="ij")
-    (along, down), hexagonal = mesh["pitch"][0], mesh["geometry"] == 1
-    shifted = 0.5 * (rows % 2 == 0) if hexagonal else 0.0
-    flat = np.stack([(columns + shifted) * along, rows * down * (np.sqrt(0.75) if hexagonal else 1.0)], axis=-1)
+    (along, down), height = mesh["pitch"][0], np.sqrt(0.75)
+    flat = [(columns, rows), (columns + 0.5 * (rows % 2 == 0), rows * height),
+            (columns * height, rows - 0.5 * (columns % 2))][mesh["geometry"]]  # fmt: skip
+    flat = np.stack(flat, axis=-1) * [along, down]
     rotation, translation = pose(mesh["pose"])
     flat = np.concatenate([flat, np.zeros((*columns.shape, len(translation) - 2))], axis=-1)
     return flat @ rotation.T + translation
@@ -128,3 +129,69 @@ def test_what_it_needs(tmp_path):
     assert len(whites) == 2 and whites[1]["fnumber"] == pytest.approx(2 * whites[0]["fnumber"])
     with pytest.raises(InvalidValueError, match="without a camera"):
         pl.export.compote(tmp_path, whole, whole, other_whites=[pl.Exposure(np.ones((180, 220, 1)))])
+
+
+def calibrated(degrees, lattice=pl.Lattice.HEXAGONAL):
+    """A calibration of observations with errors, of an array that is turned, and the observations."""
+    camera = pl.PlenopticCamera(
+        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)).with_model(pl.LensModel.THIN),
+        microlenses=pl.MicrolensArray(0.4, (2.0,), lattice),
+        sensor=pl.Sensor(shape=(350, 400), pixel_pitch=0.02),
+        stop_to_microlenses=156.0,
+        microlenses_to_sensor=3.0,
+    ).moved(pl.CameraPart.MICROLENSES, shift=(0.07, -0.05, 0.0), tilt=(2e-3, -1e-3, np.radians(degrees)))
+    design = pl.targets.checkerboard(6, 5, square=3.0)
+    axes = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)
+    boards = [design.rotated_deg(axis, 25).translated(z=-380) for axis in axes]
+    corners, centres = pl.package.calibration_points(camera, boards), pl.microlens_centres(camera)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(corners.pixel.shape)
+    board = design.points - design.points[0]
+    blur = np.where(corners.point % 2, corners.blur, -corners.blur)
+    observations = pl.calibration.Observations(
+        corners.index, corners.pixel + noise, corners.frame, corners.point, board, centres.index, centres.pixel,
+        camera.sensor, lattice, blur,
+    )  # fmt: skip
+    nominal = pl.calibration.NominalCamera(100.0, 8.0)
+    return pl.calibrate(observations, start=nominal, board=0.005), observations
+
+
+@pytest.mark.parametrize(("lattice", "degrees"), [(pl.Lattice.HEXAGONAL, d) for d in (0.4, 29.0, 171.0)]
+                         + [(pl.Lattice.SQUARE, d) for d in (88.0,)])  # fmt: skip
+def test_calibrations_project_as_they_were_fitted_and_observations_come_back(tmp_path, lattice, degrees):
+    calibration, observations = calibrated(degrees, lattice)
+    pl.export.compote_calibration(tmp_path, calibration, observations)
+    said = {path.stem: json.loads(path.read_text()) for path in tmp_path.glob("*.js")}
+    (board,) = said["scene"]["checkerboards"]
+    poses = {entry["frame"]: entry["pose"] for entry in said["poses"]["poses"]}
+    seen = table(tmp_path / "features.csv")
+    fitted = observations.pixel + calibration.corner_residual
+    for number in range(0, len(seen), len(seen) // 25):
+        frame, cluster, k, l = (int(seen[name][number]) for name in ("frame", "cluster", "k", "l"))  # noqa: E741
+        u, v = projected(said["intrinsics"], poses[frame], np.array(board["points"][cluster]), k, l)
+        assert np.abs(np.array([v, u]) - fitted[number]).max() < 1e-9
+    mesh, centres = said["camera"]["mia"]["mesh"], table(tmp_path / "centres.csv")
+    assert mesh["geometry"] == (
+        0 if lattice is pl.Lattice.SQUARE else 2 if abs(degrees % 60) in (0.4, 58.0, 51.0) else 1
+    )
+    ideal = nodes(mesh)[centres["k"].astype(int), centres["l"].astype(int)]
+    assert np.abs(ideal - np.column_stack([centres["u"], centres["v"]])).max() < 0.05
+    assert (board["x_grid"], board["y_grid"], board["lph"]) == (5, 4, pytest.approx(3.0, rel=0.01))
+    # Read again, only the numbers of the microlenses differ, by a symmetry of the lattice.
+    files = [tmp_path / name for name in ("camera.js", "features.csv", "centres.csv")]
+    again = pl.calibration.read_compote(*files, board_columns=5, square=3.0)
+    for name in ("pixel", "frame", "point", "blur", "centre_pixel"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(observations, name))
+    np.testing.assert_allclose(again.board, observations.board, atol=1e-12)
+    both = [np.concatenate([each.centre_index, each.index]) for each in (observations, again)]
+    table_of_ones = np.column_stack([both[0], np.ones(len(both[0]))])
+    turn = np.linalg.lstsq(table_of_ones, both[1], rcond=None)[0]
+    np.testing.assert_allclose(table_of_ones @ turn, both[1], atol=1e-9)
+    assert abs(np.linalg.det(turn[:2]) - 1.0) < 1e-9
+
+
+def test_other_observations_are_refused(tmp_path):
+    calibration, observations = calibrated(0.0)
+    fewer = dataclasses.replace(observations, centre_index=observations.centre_index[1:],
+                                centre_pixel=observations.centre_pixel[1:])  # fmt: skip
+    with pytest.raises(InvalidValueError, match="not those of the calibration"):
+        pl.export.compote_calibration(tmp_path, calibration, fewer)
