@@ -189,7 +189,7 @@ def compote_calibration(folder: str | os.PathLike[str], calibration: Calibration
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.compote_calibration(folder, calibration, observations)
     ...     files = [pathlib.Path(folder) / name for name in ("intrinsics.js", "features.csv", "centres.csv")]
-    ...     pl.calibration.read_compote(*files, board_columns=5, square=3.0) # doctest: +ELLIPSIS
+    ...     pl.calibration.read_compote(*files, board_columns=5, square=3.0)
     Observations(... corners in 4 frames, 20 board points, ... centres)
     """
     check_kind(calibration, "calibration", Calibration, "pl.calibrate(observations, start=...)")

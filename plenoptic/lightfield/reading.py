@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import configparser
 import dataclasses
+import json
 import math
 import os
 import re
@@ -247,7 +248,9 @@ def read_eslf(
     return light_field(np.ascontiguousarray(split.transpose(3, 1, 0, 2, 4)))
 
 
-def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT) -> LightField:
+def read_lftoolbox(
+    path: str | os.PathLike[str], *, intrinsics: str | os.PathLike[str] | None = None, limits: FileLimits = DEFAULT
+) -> LightField:
     """Read the light field `LF` from a decoded file of the Light Field Toolbox for MATLAB.
 
     Files of version 7.3 need the package h5py; those of versions 5 and 7, none.
@@ -256,6 +259,9 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     ----------
     path : path-like
         Such as `IMG_0001__Decoded.mat`: `LF` has indices [j, i, l, k, c]; a fourth channel is the weight.
+    intrinsics : path-like, optional
+        Calibration (`CalInfo.json`), whose matrix `EstCamIntrinsicsH` gives positions in mm: `exit_pupil`, `z_focus`
+        and `object_spacing`, as of `read_hci`. Distortion is not corrected.
     limits : FileLimits
         The size of the file, and of all views.
 
@@ -263,7 +269,7 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     -------
     LightField
         Integers are divided by the largest of their type; nan where the weight is 0. Colours are taken as linear.
-        Without camera, standard error and positions: refocus it by disparity.
+        Without camera and standard error, and without `intrinsics` without positions: refocus it by disparity.
 
     Raises
     ------
@@ -291,7 +297,27 @@ def read_lftoolbox(path: str | os.PathLike[str], *, limits: FileLimits = DEFAULT
     views = (array[..., :3].transpose(1, 0, 2, 3, 4) / largest).astype(np.float32)
     if array.shape[4] == 4:
         views[array[..., 3].transpose(1, 0, 2, 3) == 0] = np.nan
-    return light_field(np.ascontiguousarray(views))
+    views = np.ascontiguousarray(views)
+    if intrinsics is None:
+        return light_field(views)
+    baseline, z_focus, spacing = _toolbox_geometry(file_path(intrinsics), limits)
+    return dataclasses.replace(light_field(views, baseline, z_focus), object_spacing=spacing)
+
+
+def _toolbox_geometry(path: Path, limits: FileLimits) -> tuple[float, float, tuple[float, float]]:
+    """Distance of neighbouring cameras, z of the plane of disparity 0, and its length of a pixel along x and y, in mm.
+
+    Rays of the index i, k are at s = h11 i + h13 k at a distance of 0, with the slope u = h31 i + h33 k.
+    """
+    with content_errors(path, "holds no matrix EstCamIntrinsicsH"):
+        matrix = np.array(json.loads(read_file(path, limits))["EstCamIntrinsicsH"], dtype=np.float64).reshape(5, 5)
+        h11, h13, h31, h33 = (np.array([matrix[r, c], matrix[r + 1, c + 1]]) for r in (0, 2) for c in (0, 2))
+        if not (np.isfinite(matrix).all() and h31.all() and h33.all()):
+            raise ValueError("its views have no plane of disparity 0, or no cameras")
+    cameras, focus = -h13 / h33, -h11 / h31
+    (baseline, distance), spacing = (h11 + cameras * h31, focus - cameras), np.abs(h13 + focus * h33)
+    wide, high = (1e3 * spacing).tolist()
+    return 1e3 * float(baseline.mean()), -1e3 * float(distance.mean()), (wide, high)
 
 
 def _view_counts(shape: tuple[int, int]) -> tuple[int, int]:

@@ -94,6 +94,33 @@ def test_the_matrix_holds_the_rays_of_the_views():
         np.testing.assert_allclose(1e3 * t + depth * down, -seen[:, 1], atol=0.05 * field.object_spacing[1])
 
 
+def test_the_matrix_gives_positions_to_the_views_of_a_file(tmp_path, hexagonal):
+    taken_by, shot, white, folder = hexagonal
+    field = pl.lightfield.decode(shot, white, views=5)
+    path = folder / "shot__Decoded.mat"
+    again = pl.lightfield.read_lftoolbox(path, intrinsics=folder / "CalInfo.json")
+    pupil = pl.paraxial.cardinal_points(taken_by.lens).entrance_pupil
+    assert again.z_focus == pytest.approx(field.z_focus - pupil, rel=1e-12)
+    assert again.object_spacing == pytest.approx(field.object_spacing, rel=1e-12)
+    # By tracing; aberrations alter it by 2e-4.
+    for z in (-250.0, -600.0):
+        assert again.disparity_at(z - pupil) == pytest.approx(field.disparity_at(z), rel=1e-3), z
+    # Of another pair of planes (s, t) and (u, v) the rays, and so the positions, are the same.
+    calibrated = json.loads((folder / "CalInfo.json").read_text())
+    moved = np.eye(5)
+    moved[0, 2] = moved[1, 3] = 0.123
+    other = moved @ np.array(calibrated["EstCamIntrinsicsH"])
+    (tmp_path / "moved.json").write_text(json.dumps({"EstCamIntrinsicsH": other.tolist()}))
+    same = pl.lightfield.read_lftoolbox(path, intrinsics=tmp_path / "moved.json")
+    assert same.z_focus == pytest.approx(again.z_focus, rel=1e-12)
+    assert same.object_spacing == pytest.approx(again.object_spacing, rel=1e-12)
+    np.testing.assert_allclose(same.exit_pupil, again.exit_pupil, rtol=1e-12)
+    for wrong in ({}, {"EstCamIntrinsicsH": [[1.0]]}, {"EstCamIntrinsicsH": np.eye(5).tolist()}):
+        (tmp_path / "wrong.json").write_text(json.dumps(wrong))
+        with pytest.raises(FileError, match="holds no matrix EstCamIntrinsicsH"):
+            pl.lightfield.read_lftoolbox(path, intrinsics=tmp_path / "wrong.json")
+
+
 @pytest.mark.validation
 def test_octave_loads_the_light_field(hexagonal):
     if shutil.which("octave-cli") is None:
