@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+import small_calibration
 from raws import focused, nearest
 
 import plenoptic as pl
@@ -131,34 +132,12 @@ def test_what_it_needs(tmp_path):
         pl.export.compote(tmp_path, whole, whole, other_whites=[pl.Exposure(np.ones((180, 220, 1)))])
 
 
-def calibrated(degrees, lattice=pl.Lattice.HEXAGONAL):
-    """A calibration of observations with errors, of an array that is turned, and the observations."""
-    camera = pl.PlenopticCamera(
-        lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)).with_model(pl.LensModel.THIN),
-        microlenses=pl.MicrolensArray(0.4, (2.0,), lattice),
-        sensor=pl.Sensor(shape=(350, 400), pixel_pitch=0.02),
-        stop_to_microlenses=156.0,
-        microlenses_to_sensor=3.0,
-    ).moved(pl.CameraPart.MICROLENSES, shift=(0.07, -0.05, 0.0), tilt=(2e-3, -1e-3, np.radians(degrees)))
-    design = pl.targets.checkerboard(6, 5, square=3.0)
-    axes = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)
-    boards = [design.rotated_deg(axis, 25).translated(z=-380) for axis in axes]
-    corners, centres = pl.package.calibration_points(camera, boards), pl.microlens_centres(camera)
-    noise = 0.02 * np.random.default_rng(1).standard_normal(corners.pixel.shape)
-    board = design.points - design.points[0]
-    blur = np.where(corners.point % 2, corners.blur, -corners.blur)
-    observations = pl.calibration.Observations(
-        corners.index, corners.pixel + noise, corners.frame, corners.point, board, centres.index, centres.pixel,
-        camera.sensor, lattice, blur,
-    )  # fmt: skip
-    nominal = pl.calibration.NominalCamera(100.0, 8.0)
-    return pl.calibrate(observations, start=nominal, board=0.005), observations
-
-
 @pytest.mark.parametrize(("lattice", "degrees"), [(pl.Lattice.HEXAGONAL, d) for d in (0.4, 29.0, 171.0)]
                          + [(pl.Lattice.SQUARE, d) for d in (88.0,)])  # fmt: skip
 def test_calibrations_project_as_they_were_fitted_and_observations_come_back(tmp_path, lattice, degrees):
-    calibration, observations = calibrated(degrees, lattice)
+    calibration, observations = (
+        make(lattice, degrees) for make in (small_calibration.calibration, small_calibration.observations)
+    )
     pl.export.compote_calibration(tmp_path, calibration, observations)
     said = {path.stem: json.loads(path.read_text()) for path in tmp_path.glob("*.js")}
     (board,) = said["scene"]["checkerboards"]
@@ -190,7 +169,7 @@ def test_calibrations_project_as_they_were_fitted_and_observations_come_back(tmp
 
 
 def test_other_observations_are_refused(tmp_path):
-    calibration, observations = calibrated(0.0)
+    calibration, observations = small_calibration.calibration(), small_calibration.observations()
     fewer = dataclasses.replace(observations, centre_index=observations.centre_index[1:],
                                 centre_pixel=observations.centre_pixel[1:])  # fmt: skip
     with pytest.raises(InvalidValueError, match="not those of the calibration"):

@@ -13,6 +13,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+import small_calibration
 from PIL import Image
 
 import plenoptic as pl
@@ -110,6 +111,9 @@ VALUES = {
     "nothing known": lambda: pl.lightfield.DepthMap(*[np.full((20, 30), np.nan) for _ in range(5)]),
     "centres": _centres,
     "no centres": lambda: _centres(0),
+    "grid": small_calibration.grid,
+    "observations": small_calibration.observations,
+    "calibration": small_calibration.calibration,
     "projection": _projection,
 }
 
@@ -158,7 +162,7 @@ def test_they_are_made_once_and_alike_in_threads_too(shown):
 def test_without_matplotlib_a_text_and_key_numbers_stay(monkeypatch):
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
-    for name in ("scene", "noise", "raw", "field", "view", "depth", "centres", "projection"):
+    for name in ("scene", "noise", "raw", "field", "view", "depth", "centres", "projection", "grid"):
         made = VALUES[name]()
         assert made._repr_html_() == f"<pre>{repr(made).replace('<', '&lt;').replace('>', '&gt;')}</pre>", name
     html = CAMERA.posed((0, 0, 1), (0, 0, 0))._repr_html_()
