@@ -5,7 +5,7 @@ from plenoptic.calibration.compote_files import read_compote
 from plenoptic.calibration.corners.find_corners import BoardCorners, find_corners, observe
 from plenoptic.calibration.fitting.covariance import ErrorCluster
 from plenoptic.calibration.fitting.geometry import Parameter
-from plenoptic.calibration.grid_files import read_grid
+from plenoptic.calibration.grid_files import read_grid, write_grid
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
@@ -25,4 +25,5 @@ __all__ = [
     "observe",
     "read_compote",
     "read_grid",
+    "write_grid",
 ]

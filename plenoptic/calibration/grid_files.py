@@ -2,37 +2,45 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
+from collections.abc import Sequence
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
-from plenoptic.core.files.atomic_file import translate_errors
+from plenoptic.core.files.atomic_file import translate_errors, write_file, write_json
 from plenoptic.core.files.file_limits import TEXT, check_file
-from plenoptic.core.values import checked_shape, file_path
-from plenoptic.errors import FileError
+from plenoptic.core.values import check_kind, checked_shape, file_path
+from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.microlens.lattice import Lattice
 
 _TYPES = 3
+VIRTUAL_DEPTHS = 2.0, 20.0
+"""Range of virtual depth of a microlens type, if the camera is not known."""
+_ALIKE, _SHEARED = 1e-3, 0.2
+"""Relative difference of spacings below which a lattice is square, and largest shear of all rows in spacings."""
 
 
 def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImageGrid:
-    """Read the lattice of micro images in RxLive's calibration file (XML), as the PlenopticToolbox 2.0 reads it.
+    """Read the lattice of micro images in RxLive's calibration file (XML) or a grid model of the Light Field Toolbox.
 
     Parameters
     ----------
     path : path-like
-        XML file of the form `RayCalibData`, as `pl.export.plenoptic_toolbox` writes it too.
+        XML file of the form `RayCalibData`, as the PlenopticToolbox 2.0 reads and `pl.export.plenoptic_toolbox` writes
+        it, or JSON file with `LensletGridModel`, such as `MOD_0001.grid.json` and `CalInfo.json`.
     shape : (int, int)
-        Rows and columns of the image, about whose middle the file counts.
+        Rows and columns of the image.
 
     Returns
     -------
     MicroImageGrid
-        Hexagonal. k counts along rows of lenses, l 60 degrees farther, both from the lens that the file calls central.
-        There are three types, as the format has them, of which some may be alike.
+        Of XML files hexagonal, with three types, of which some may be alike. Of grid models with one type; the micro
+        image (0, 0) is the first of the first row.
 
     Raises
     ------
@@ -57,28 +65,179 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
     with translate_errors(file, "read"):
         content = file.read_bytes()
     try:
-        if b"<!" in content.replace(b"<!--", b""):
-            raise ValueError("it declares a document type, which these files do not have")
-        root = ElementTree.fromstring(content)
-        (x, y), along, across = (_pair(root, name) for name in ("offset", "lens_base_x", "lens_base_y"))
-        diameter, rotation = (float(_text(root, name)) for name in ("diameter", "rotation"))
-        types = sorted(int(lens.attrib["id"]) for lens in root.iterfind("lens_type"))
-        if not (diameter > 0 and all(map(math.isfinite, (x, y, diameter, rotation, *along, *across)))):
-            raise ValueError("its lenses have no size or no position")
-        if types != list(range(_TYPES)):
-            raise ValueError(f"it has the lens types {types}; the format has 0, 1 and 2")
-    except (ElementTree.ParseError, ValueError, KeyError) as error:
+        read = _toolbox_grid if content.lstrip()[:1] == b"{" else _rxlive_grid
+        return read(content, (rows, columns))
+    except (ElementTree.ParseError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{str(file)!r} holds no lattice of micro images: {error}") from error
+
+
+def _rxlive_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
+    if b"<!" in content.replace(b"<!--", b""):
+        raise ValueError("it declares a document type, which these files do not have")
+    root = ElementTree.fromstring(content)
+    (x, y), along, across = (_pair(root, name) for name in ("offset", "lens_base_x", "lens_base_y"))
+    diameter, rotation = (float(_text(root, name)) for name in ("diameter", "rotation"))
+    types = sorted(int(lens.attrib["id"]) for lens in root.iterfind("lens_type"))
+    if not (diameter > 0 and all(map(math.isfinite, (x, y, diameter, rotation, *along, *across)))):
+        raise ValueError("its lenses have no size or no position")
+    if types != list(range(_TYPES)):
+        raise ValueError(f"it has the lens types {types}; the format has 0, 1 and 2")
     # y goes up in the file, and rows down.
     turn = diameter * np.array([[-math.sin(rotation), math.cos(rotation)], [-math.cos(rotation), -math.sin(rotation)]])
     k, l = np.indices((_TYPES, _TYPES))
     return MicroImageGrid(
         Lattice.HEXAGONAL,
-        origin=(0.5 * (rows - 1) - y, 0.5 * (columns - 1) + x),
+        origin=(0.5 * (shape[0] - 1) - y, 0.5 * (shape[1] - 1) + x),
         basis=np.array([along, across]) @ turn,
-        shape=(rows, columns),
+        shape=shape,
         type_pattern=(l - k) % _TYPES,
     )
+
+
+def _toolbox_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
+    model: Any = json.loads(content)["LensletGridModel"]
+    h, v, x, y, angle, shifted, lines = (
+        float(model[name]) for name in ("HSpacing", "VSpacing", "HOffset", "VOffset", "Rot", "FirstPosShiftRow", "VMax")
+    )
+    is_hexagonal = shifted <= lines
+    lattice = Lattice.SQUARE if math.isclose(h, v, rel_tol=_ALIKE) else Lattice.RECTANGULAR
+    # As x, y: from a lens to the next one of its row, and half a step farther in the next row.
+    turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    right, below = np.array([[h, 0.0], [0.5 * h * is_hexagonal, v]]) @ turn
+    place = np.array([x, y]) - 1.0 + 0.5 * right * (shifted == 1)
+    if model["Orientation"] == "horz":  # rows and columns are y and x, otherwise x and y
+        right, below, place = (-right[::-1], (below - right * is_hexagonal)[::-1], place[::-1])
+    return MicroImageGrid(
+        Lattice.HEXAGONAL if is_hexagonal else lattice, origin=place, basis=np.array([right, below]), shape=shape
+    )
+
+
+def write_grid(path: str | os.PathLike[str], grid: MicroImageGrid) -> None:
+    """Write the lattice of micro images for the PlenopticToolbox 2.0 (.xml) or the Light Field Toolbox (.json).
+
+    Parameters
+    ----------
+    path : path-like
+        Such as `shot.xml` beside `shot.png`, or `white.grid.json`.
+    grid : MicroImageGrid
+
+    Raises
+    ------
+    InvalidValueError
+        If the format has no such lattice, or the name no such ending.
+    FileError
+        If the file cannot be written.
+
+    Notes
+    -----
+    Smooth deviations and measured centres are left out. XML has hexagonal lattices with up to three types that
+    alternate along rows; their ranges of virtual depth, which a white image does not tell, are 2 to 20. JSON is
+    `LensletGridModel` with the first micro image at the upper left; it knows no types. `read_grid` reads both.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, plenoptic as pl
+    >>> grid = pl.calibration.MicroImageGrid(
+    ...     pl.Lattice.HEXAGONAL, origin=(80.0, 100.0), basis=[(0.0, -20.0), (17.32, -10.0)], shape=(160, 200)
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "white.grid.json"
+    ...     pl.calibration.write_grid(path, grid)
+    ...     pl.calibration.read_grid(path, shape=(160, 200)).pitch == grid.pitch
+    True
+    """
+    file = file_path(path)
+    check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
+    if file.suffix == ".json":
+        write_json(file, {"LensletGridModel": _toolbox_model(grid)})
+    elif file.suffix == ".xml":
+        write_file(file, _rxlive_text(grid).encode("ascii"))
+    else:
+        raise InvalidValueError(f"path is {str(file)!r}; its name must end in .xml or .json")
+
+
+def _rxlive_text(grid: MicroImageGrid) -> str:
+    if grid.lattice is not Lattice.HEXAGONAL:
+        raise InvalidValueError(f"the lattice is {grid.lattice.name}, and this file holds HEXAGONAL ones; write .json")
+    # Steps as x + i y, y up, the first of which is nearest to the right.
+    steps = grid.basis @ (-1j, 1.0)
+    turn = np.eye(2, dtype=np.int64)
+    while not abs(np.angle(steps[0])) <= math.pi / 6 + 1e-9:
+        turn = np.array([turn[1], turn[1] - turn[0]])
+        steps = turn @ (grid.basis @ (-1j, 1.0))
+    middle = 0.5 * (np.array(grid.shape) - 1.0)
+    index = grid.indices_of(middle)
+    offset = complex((grid.origin + index @ grid.basis - middle) @ (-1j, 1.0))
+    number = np.array(list(np.ndindex(_TYPES, _TYPES)))
+    kinds = grid.types_of(index + number @ turn)
+    classes = (number[:, 1] - number[:, 0]) % _TYPES
+    if any(np.ptp(kinds[classes == k]) for k in range(_TYPES)):
+        raise InvalidValueError("the types do not repeat every three lenses of a row, each beside both others")
+    across = complex(steps[1] / steps[0])
+    return rxlive_text(offset, float(abs(steps[0])), float(np.angle(steps[0])), across, [VIRTUAL_DEPTHS] * _TYPES)
+
+
+def rxlive_text(
+    offset: complex, diameter: float, rotation: float, across: complex, ranges: Sequence[tuple[float, float]]
+) -> str:
+    """Calibration file of RxLive: position of the central lens, x + i y from the middle of the image, and y up.
+
+    `across` is the step to the lens about 60 degrees from the next one of a row, in diameters.
+    """
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<RayCalibData version="1.0">',
+        f'  <offset units="pix"><x>{offset.real!r}</x><y>{offset.imag!r}</y></offset>',
+        f'  <diameter units="pix">{diameter!r}</diameter>',
+        f'  <rotation units="rad">{rotation!r}</rotation>',
+        '  <lens_border units="pix">0.0</lens_border>',
+        '  <tcp units="virtual_depth">0.0</tcp>',
+        '  <lens_base_x units="lens"><x>1.0</x><y>0.0</y></lens_base_x>',
+        f'  <lens_base_y units="lens"><x>{across.real!r}</x><y>{across.imag!r}</y></lens_base_y>',
+        f'  <sub_grid_base units="lens"><x>3.0</x><y>{math.sqrt(3.0)!r}</y></sub_grid_base>',
+        '  <distortion type="radial"><function>constant</function><parameter count="0"></parameter>'
+        '<offset units="pix"><x>0.0</x><y>0.0</y></offset></distortion>',
+    ]
+    for number, (x, (nearest, farthest)) in enumerate(zip((0.0, 1.0, -1.0), ranges, strict=True)):
+        lines += [
+            f'  <lens_type id="{number}">',
+            f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
+            f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
+            "  </lens_type>",
+        ]
+    return "\n".join([*lines, "</RayCalibData>", ""])
+
+
+def _toolbox_model(grid: MicroImageGrid) -> dict[str, Any]:
+    """`LensletGridModel`; see `pl.export.lftoolbox`."""
+    is_hexagonal, order = grid.lattice is Lattice.HEXAGONAL, -1 if grid.is_along_rows else 1
+    # x + i y of the image, or of the transposed one, where rows of lenses run along x.
+    steps, origin = grid.basis[:, ::order] @ (1.0, 1j), complex(*grid.origin[::order])
+    wide, high = grid.shape[::order]
+    candidates = [steps[0], steps[1], *([steps[1] - steps[0]] * is_hexagonal)]
+    right = max((s * sign for s in candidates for sign in (1, -1)), key=lambda step: step.real / abs(step))
+    below = max((s * sign for s in candidates for sign in (1, -1)), key=lambda step: (step / right).imag)
+    along = right / abs(right)
+    down = (below / along).imag
+    if abs(abs((below / right).real) - 0.5 * is_hexagonal) * high / down > _SHEARED:
+        raise InvalidValueError("the lattice is sheared, which the grid model of this program cannot express")
+    first = (origin + 1.0 + 1j) / along
+    line = math.floor(first.imag / down)
+    place = (first.real - 0.5 * abs(right) * is_hexagonal * line) % abs(right)
+    is_shifted = is_hexagonal and place >= 0.5 * abs(right)
+    offset = along * complex(place - 0.5 * abs(right) * is_shifted, first.imag - line * down)
+    lines = math.floor((high - offset.imag) / down) + 1
+    return {
+        "HSpacing": float(abs(right)),
+        "VSpacing": float(down),
+        "HOffset": float(offset.real),
+        "VOffset": float(offset.imag),
+        "Rot": float(np.angle(right)),
+        "Orientation": "horz" if order == -1 else "vert",
+        "FirstPosShiftRow": (1 if is_shifted else 2) if is_hexagonal else lines + 1,
+        "UMax": math.floor((wide - offset.real) / abs(right)) + 1,
+        "VMax": lines,
+    }
 
 
 def _text(element: ElementTree.Element, name: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.calibration.grid_files import VIRTUAL_DEPTHS, rxlive_text
 from plenoptic.camera.points.centres import CentreMethod
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
@@ -18,8 +19,7 @@ from plenoptic.export.pictures import folder_at, plain_name, write_picture, writ
 from plenoptic.rendering.exposure import Exposure
 
 _TYPES = 3
-_SHARPEST, _FARTHEST = 2.0, 20.0
-"""Range of virtual depth written for a microlens type, if the camera has it."""
+_SHARPEST, _FARTHEST = VIRTUAL_DEPTHS
 
 
 def plenoptic_toolbox(
@@ -73,28 +73,9 @@ def plenoptic_toolbox(
     scale = white_point(shot.image)
     write_picture(target / f"{name}.png", shot.image, scale=scale, bits=8, encoded=True)
     ranges = [_sharp(rows, kind) for kind in types]
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        '<RayCalibData version="1.0">',
-        f'  <offset units="pix"><x>{offset[0]!r}</x><y>{offset[1]!r}</y></offset>',
-        f'  <diameter units="pix">{diameter!r}</diameter>',
-        f'  <rotation units="rad">{rotation!r}</rotation>',
-        '  <lens_border units="pix">0.0</lens_border>',
-        '  <tcp units="virtual_depth">0.0</tcp>',
-        '  <lens_base_x units="lens"><x>1.0</x><y>0.0</y></lens_base_x>',
-        f'  <lens_base_y units="lens"><x>0.5</x><y>{math.sqrt(0.75)!r}</y></lens_base_y>',
-        f'  <sub_grid_base units="lens"><x>3.0</x><y>{math.sqrt(3.0)!r}</y></sub_grid_base>',
-        '  <distortion type="radial"><function>constant</function><parameter count="0"></parameter>'
-        '<offset units="pix"><x>0.0</x><y>0.0</y></offset></distortion>',
-    ]
-    for number, (x, (nearest, farthest)) in enumerate(zip((0.0, 1.0, -1.0), ranges, strict=True)):
-        lines += [
-            f'  <lens_type id="{number}">',
-            f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
-            f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
-            "  </lens_type>",
-        ]
-    write_file(target / f"{name}.xml", "\n".join([*lines, "</RayCalibData>", ""]).encode("ascii"))
+    across = complex(0.5, math.sqrt(0.75))
+    text = rxlive_text(complex(*offset), diameter, rotation, across, ranges)
+    write_file(target / f"{name}.xml", text.encode("ascii"))
     disparity = None if shot.truth is None else shot.truth.disparity
     if disparity is not None:
         write_picture(target / f"{name}_disp.png", np.abs(disparity)[:, :, np.newaxis], scale=diameter)
