@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from plenoptic.calibration.calibration_result import Calibration
+    from plenoptic.calibration.corners.find_corners import BoardCorners
     from plenoptic.calibration.observations import Observations
     from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 
@@ -110,13 +111,13 @@ def _draw_pixels(ax: Axes, raw: Any) -> None:
 
 
 def plot_corners(
-    observations: Observations, raw: Any = None, *, frame: int | None = None, ax: Axes | None = None
+    corners: Observations | BoardCorners, raw: Any = None, *, frame: int | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw corners of boards in micro images, over a raw image.
 
     Parameters
     ----------
-    observations : Observations
+    corners : Observations or BoardCorners
     raw : Exposure, RawImage or array, optional
         Raw image of the frame.
     frame : int, optional
@@ -138,24 +139,27 @@ def plot_corners(
     --------
     See `Observations`.
     """
-    check_has(observations, "observations", "Observations", "pl.calibration.Observations(...)", "pixel", "centre_pixel")
-    rows, group = np.arange(len(observations.pixel)), observations.frame
-    if frame is not None:
-        rows, group = np.flatnonzero(observations.frame == frame), observations.point
-        if not len(rows):
-            raise InvalidValueError(f"frame is {frame}; there are corners of {observations.frames.tolist()}")
+    check_has(corners, "corners", "Observations", "pl.calibration.observe(raws, white, board, ...)", "pixel", "point")
+    frames = getattr(corners, "frame", np.zeros(len(corners.point), np.int64))
+    chosen = np.ones(len(frames), dtype=bool) if frame is None else frames == frame
+    if frame is not None and not chosen.any():
+        raise InvalidValueError(f"frame is {frame}; there are corners of {np.unique(frames).tolist()}")
     ax = axes_or_new(ax, (6.4, 5.0))
     if raw is not None:
         _draw_pixels(ax, raw)
+    pixel, point, number = corners.pixel[chosen], corners.point[chosen], len(np.unique(frames[chosen]))
+    group = (frames[chosen] if number > 1 else point) % len(COLOURS)
     for k, colour in enumerate(COLOURS):
-        row, column = observations.pixel[rows[group[rows] % len(COLOURS) == k]].T
-        ax.plot(column, row, "+", color=colour, markersize=3 if frame is None else 5)
-    height, width = observations.sensor.shape
-    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
-    number, points = len(np.unique(observations.frame[rows])), len(np.unique(observations.point[rows]))
-    title = f"{number} frames" if frame is None else f"frame {frame}"
-    ax.set(xlabel="column / pixel", ylabel="row / pixel")
-    ax.set_title(f"{title}: {len(rows)} images of {points} board points", fontsize="medium")
+        row, column = pixel[group == k].T
+        ax.plot(column, row, "+", color=colour, markersize=5 if number == 1 else 3)
+    ax.set(xlabel="column / pixel", ylabel="row / pixel", aspect="equal")
+    if hasattr(corners, "sensor"):
+        height, width = corners.sensor.shape
+        ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    elif raw is None:
+        ax.invert_yaxis()
+    title = f"{number} frames: " * (number > 1) if frame is None else f"frame {frame}: "
+    ax.set_title(f"{title}{len(point)} images of {len(np.unique(point))} points", fontsize="medium")
     return ax
 
 

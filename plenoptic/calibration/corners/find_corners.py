@@ -16,6 +16,7 @@ from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.observations import Observations
 from plenoptic.calibration.white_image import equalise, mean_filter
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
+from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, Given, check_kind, plain_array, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.sensor import Sensor
@@ -72,6 +73,8 @@ class BoardCorners:
     standard_error: Given[Floats, ArrayLike]
     point: Given[NDArray[np.int64], ArrayLike]
     blur: Given[Floats, ArrayLike]
+
+    _repr_html_ = picture_of
 
     def __len__(self) -> int:
         return len(self.point)

@@ -116,8 +116,11 @@ def _lens_layout(stack: LensStack, ax: Axes | None, **rays: Any) -> Axes:
 _MAPS, _FIELDS, _CURVES = (11.0, 3.4), (3.6, 4.6), (6.4, 4.2)
 _stop_picture = _axes(lens.plot_stop, (4.0, 4.0), "The hole of a stop")
 
+_corners_picture = _axes(lambda corners, ax: calibration.plot_corners(corners, ax=ax), (6.0, 4.6), "Corners")
+
 PICTURES: dict[str, Callable[[Any], str]] = {
     **{kind.stop.__name__: _stop_picture for kind in STOPS.values()},
+    "BoardCorners": _corners_picture,
     "Calibration": _figure(calibration.plot_calibration, calibration.SIZE, "Errors of a calibration"),
     "CameraReport": report_html,
     "CameraSpread": _axes(camera.plot_camera_spread, (6.2, 5.0), "The light of a point on the sensor"),
@@ -138,9 +141,7 @@ PICTURES: dict[str, Callable[[Any], str]] = {
     "MicrolensArray": _axes(components.draw_array, components.ARRAY_SIZE, "Microlenses around the centre of an array"),
     "MicrolensCentres": _figure(points.plot_centres, (9.6, 4.4), "Centres of micro images"),
     "Mtf": _curves(contrast.plot_mtf, _CURVES, "Modulation against the spatial frequency"),
-    "Observations": _axes(
-        lambda observations, ax: calibration.plot_corners(observations, ax=ax), (6.0, 4.6), "Corners on the sensor"
-    ),
+    "Observations": _corners_picture,
     "PhotonTransfer": _curves(sensor.plot_photon_transfer, _CURVES, "Variance against the signal"),
     "Plan": LastResultCache(_plan_html),
     "PlenopticCamera": LastResultCache(_camera_html),
