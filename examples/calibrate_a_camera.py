@@ -56,8 +56,8 @@ def photograph(scene, seed):
 # The white image
 # ---------------
 #
-# It shows the lattice of the micro images, and the centre of each: circles and dots. Arrows are how far centres lie from
-# the lattice.
+# It shows the lattice of the micro images, and the centre of each: circles and dots. Arrows are the distances of centres
+# from the lattice.
 
 white = photograph(None, seed=1)
 grid = pl.calibration.find_micro_images(white)
