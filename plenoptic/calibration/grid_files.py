@@ -151,39 +151,35 @@ def write_grid(path: str | os.PathLike[str], grid: MicroImageGrid) -> None:
     if file.suffix == ".json":
         write_json(file, {"LensletGridModel": _toolbox_model(grid)})
     elif file.suffix == ".xml":
-        write_file(file, _rxlive_text(grid).encode("ascii"))
+        write_file(file, rxlive_text(grid)[0].encode("ascii"))
     else:
         raise InvalidValueError(f"path is {str(file)!r}; its name must end in .xml or .json")
 
 
-def _rxlive_text(grid: MicroImageGrid) -> str:
+def rxlive_text(grid: MicroImageGrid, ranges: Sequence[tuple[float, float]] | None = None) -> tuple[str, list[int]]:
+    """Calibration file of RxLive, and the type of the grid for each of its three.
+
+    `ranges` are those of virtual depth of the grid's types.
+    """
     if grid.lattice is not Lattice.HEXAGONAL:
-        raise InvalidValueError(f"the lattice is {grid.lattice.name}, and this file holds HEXAGONAL ones; write .json")
+        raise InvalidValueError(f"the lattice is {grid.lattice.name}; the PlenopticToolbox knows hexagonal arrays only")
     # Steps as x + i y, y up, the first of which is nearest to the right.
-    steps = grid.basis @ (-1j, 1.0)
-    turn = np.eye(2, dtype=np.int64)
-    while not abs(np.angle(steps[0])) <= math.pi / 6 + 1e-9:
-        turn = np.array([turn[1], turn[1] - turn[0]])
-        steps = turn @ (grid.basis @ (-1j, 1.0))
+    sixth = np.array([[0, 1], [-1, 1]])
+    turns = [np.linalg.matrix_power(sixth, k) for k in range(6)]
+    turn = min(turns, key=lambda turn: abs(np.angle((turn @ grid.basis @ (-1j, 1.0))[0])))
+    steps = turn @ grid.basis @ (-1j, 1.0)
     middle = 0.5 * (np.array(grid.shape) - 1.0)
     index = grid.indices_of(middle)
     offset = complex((grid.origin + index @ grid.basis - middle) @ (-1j, 1.0))
-    number = np.array(list(np.ndindex(_TYPES, _TYPES)))
-    kinds = grid.types_of(index + number @ turn)
-    classes = (number[:, 1] - number[:, 0]) % _TYPES
-    if any(np.ptp(kinds[classes == k]) for k in range(_TYPES)):
-        raise InvalidValueError("the types do not repeat every three lenses of a row, each beside both others")
-    across = complex(steps[1] / steps[0])
-    return rxlive_text(offset, float(abs(steps[0])), float(np.angle(steps[0])), across, [VIRTUAL_DEPTHS] * _TYPES)
-
-
-def rxlive_text(
-    offset: complex, diameter: float, rotation: float, across: complex, ranges: Sequence[tuple[float, float]]
-) -> str:
-    """Calibration file of RxLive: position of the central lens, x + i y from the middle of the image, and y up.
-
-    `across` is the step to the lens about 60 degrees from the next one of a row, in diameters.
-    """
+    number = np.array(list(np.ndindex(*np.multiply(_TYPES, grid.type_pattern.shape))))
+    kinds, classes = grid.types_of(index + number @ turn), (number[:, 1] - number[:, 0]) % _TYPES
+    types = [np.unique(kinds[classes == k]).tolist() for k in range(_TYPES)]
+    if any(len(each) > 1 for each in types):
+        raise InvalidValueError(
+            "the focal types do not repeat every three lenses of a row, each beside both others; the format has no "
+            "other pattern"
+        )
+    diameter, rotation, across = float(abs(steps[0])), float(np.angle(steps[0])), complex(steps[1] / steps[0])
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<RayCalibData version="1.0">',
@@ -198,14 +194,15 @@ def rxlive_text(
         '  <distortion type="radial"><function>constant</function><parameter count="0"></parameter>'
         '<offset units="pix"><x>0.0</x><y>0.0</y></offset></distortion>',
     ]
-    for number, (x, (nearest, farthest)) in enumerate(zip((0.0, 1.0, -1.0), ranges, strict=True)):
+    for k, (x, (kind,)) in enumerate(zip((0.0, 1.0, -1.0), types, strict=True)):
+        nearest, farthest = VIRTUAL_DEPTHS if ranges is None else ranges[kind]
         lines += [
-            f'  <lens_type id="{number}">',
+            f'  <lens_type id="{k}">',
             f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
             f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
             "  </lens_type>",
         ]
-    return "\n".join([*lines, "</RayCalibData>", ""])
+    return "\n".join([*lines, "</RayCalibData>", ""]), [kind for (kind,) in types]
 
 
 def _toolbox_model(grid: MicroImageGrid) -> dict[str, Any]:

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plenoptic.calibration.grid_files import VIRTUAL_DEPTHS, rxlive_text
 from plenoptic.camera.points.centres import CentreMethod
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.files.atomic_file import write_file
 from plenoptic.core.files.codes import white_point
-from plenoptic.errors import InvalidValueError
 from plenoptic.export.lattice import LensRows, lens_rows
 from plenoptic.export.pictures import folder_at, plain_name, write_picture, write_readme
 from plenoptic.rendering.exposure import Exposure
 
-_TYPES = 3
 _SHARPEST, _FARTHEST = VIRTUAL_DEPTHS
 
 
@@ -66,19 +63,20 @@ def plenoptic_toolbox(
     """
     target, name = folder_at(folder), plain_name(name)
     rows = lens_rows(shot, turn=False, method=method)
-    if not rows.hexagonal:
-        raise InvalidValueError("the PlenopticToolbox knows hexagonal arrays only; use another exporter")
-    steps, diameter, rotation, offset, residual = _grid(rows, shot.image.shape[:2])
-    types = _types(rows, steps)
+    table = np.column_stack([rows.lens, np.ones(len(rows.lens))])
+    (*basis, origin), *_ = np.linalg.lstsq(table, rows.centre, rcond=None)
+    residual = float(np.sqrt(np.mean(np.sum((table @ [*basis, origin] - rows.centre) ** 2, axis=1))))
+    array, size = rows.array, shot.image.shape[:2]
+    grid = MicroImageGrid(
+        array.lattice, origin=origin, basis=np.array(basis), shape=size, type_pattern=array.type_pattern
+    )
+    text, types = rxlive_text(grid, [_sharp(rows, kind) for kind in range(len(array.focal_lengths))])
     scale = white_point(shot.image)
     write_picture(target / f"{name}.png", shot.image, scale=scale, bits=8, encoded=True)
-    ranges = [_sharp(rows, kind) for kind in types]
-    across = complex(0.5, math.sqrt(0.75))
-    text = rxlive_text(complex(*offset), diameter, rotation, across, ranges)
     write_file(target / f"{name}.xml", text.encode("ascii"))
     disparity = None if shot.truth is None else shot.truth.disparity
     if disparity is not None:
-        write_picture(target / f"{name}_disp.png", np.abs(disparity)[:, :, np.newaxis], scale=diameter)
+        write_picture(target / f"{name}_disp.png", np.abs(disparity)[:, :, np.newaxis], scale=grid.pitch)
     more: dict[str, Any] = {
         "focal type of each lens_type": types,
         "root mean square distance of the centres from the grid, pixels": f"{residual:.5f}",
@@ -95,33 +93,6 @@ def plenoptic_toolbox(
         "square lattices, distortion of the grid, errors, white images; more than three focal lengths.",
         more,
     )
-
-
-def _grid(rows: LensRows, size: tuple[int, int]) -> tuple[NDArray[np.int64], float, float, tuple[float, float], float]:
-    """Steps (n, 2) from the central lens along a row and 60 degrees farther; the diameter, rotation and offset of the
-    grid that fits best, and its residual. x is to the right, y up, from the middle of the image.
-    """
-    centre = rows.centre[:, 1] - 0.5 * (size[1] - 1) + 1j * (0.5 * (size[0] - 1) - rows.centre[:, 0])
-    first = np.argmin(np.abs(centre))
-    up, twice = rows.row[first] - rows.row, 2 * rows.place + rows.shifted
-    right = (twice - twice[first] - up) // 2
-    ideal = right + up * np.exp(1j * math.pi / 3)
-    (scale, offset), *_ = np.linalg.lstsq(np.column_stack([ideal, np.ones(len(ideal))]), centre, rcond=None)
-    residual = float(np.sqrt(np.mean(np.abs(scale * ideal + offset - centre) ** 2)))
-    place = float(offset.real), float(offset.imag)
-    return np.column_stack([right, up]), float(abs(scale)), float(np.angle(scale)), place, residual
-
-
-def _types(rows: LensRows, steps: NDArray[np.int64]) -> list[int]:
-    """The type of the array for each of the three of the format."""
-    number = (np.mod(-steps[:, 0], _TYPES) + steps[:, 1]) % _TYPES
-    types_of_lenses = [np.unique(rows.type[number == k]).tolist() for k in range(_TYPES)]
-    if any(len(kinds) != 1 for kinds in types_of_lenses):
-        raise InvalidValueError(
-            "the focal types do not repeat every three lenses of a row, each beside both others; the format has no "
-            "other pattern"
-        )
-    return [kinds[0] for kinds in types_of_lenses]
 
 
 def _sharp(rows: LensRows, kind: int) -> tuple[float, float]:
