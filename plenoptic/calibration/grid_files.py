@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
-from plenoptic.core.files.atomic_file import translate_errors, write_file, write_json
-from plenoptic.core.files.file_limits import TEXT, check_file
+from plenoptic.core.files.atomic_file import write_file, write_json
+from plenoptic.core.files.file_limits import TEXT, content_errors, read_file
 from plenoptic.core.values import check_kind, checked_shape, file_path
-from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import Lattice
 
 _TYPES = 3
@@ -61,14 +61,10 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
     MicroImageGrid(HEXAGONAL, pitch 21.987 pixels along columns, rotation 0.00 degrees, 3 types, 512 x 512 pixels)
     """
     file, (rows, columns) = file_path(path), checked_shape(shape, ("rows", "columns"))
-    check_file(file, TEXT)
-    with translate_errors(file, "read"):
-        content = file.read_bytes()
-    try:
+    content = read_file(file, TEXT)
+    with content_errors(file, "holds no lattice of micro images"):
         read = _toolbox_grid if content.lstrip()[:1] == b"{" else _rxlive_grid
         return read(content, (rows, columns))
-    except (ElementTree.ParseError, ValueError, KeyError, TypeError) as error:
-        raise FileError(f"{str(file)!r} holds no lattice of micro images: {error}") from error
 
 
 def _rxlive_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
