@@ -1,5 +1,6 @@
 """Figures of small_calibration: rows are down and columns to the right, arrows and bars as long as they say."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import small_calibration
@@ -8,6 +9,7 @@ from matplotlib.quiver import Quiver
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
+from plenoptic.plots.points import draw_arrows
 
 
 def only(ax, kind):
@@ -102,3 +104,13 @@ def test_errors_and_heights_are_those_of_the_calibration():
     table = np.column_stack([x, y, np.ones(len(x))])
     np.testing.assert_allclose(table.T @ heights, 0.0, atol=1e-9)
     assert np.linalg.lstsq(table, z - heights, rcond=None)[1] < 1e-20
+
+
+def test_arrows_stand_where_places_are_dense():
+    """One cell with 100 places, another with 1."""
+    places = np.concatenate([np.random.default_rng(0).uniform(0, 1, (100, 2)), [[99.0, 99.0]]])
+    ax = plt.figure().subplots()
+    times = draw_arrows(ax, np.concatenate([places, places[:100] + 50.0]), np.tile([0.25, -0.5], (201, 1)))
+    arrows = only(ax, Quiver)
+    np.testing.assert_allclose(arrows.U, 0.25 * times)
+    assert len(arrows.U) == 2 and times * np.hypot(0.25, 0.5) == pytest.approx(0.8 * 99 / 15, rel=0.1)
