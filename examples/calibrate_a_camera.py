@@ -20,7 +20,7 @@ import numpy as np
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-BOARDS, SAMPLES, WHITE_SAMPLES = (4, 12, 32) if SMALL else (10, 20, 48)
+BOARDS, SAMPLES, WHITE_SAMPLES = (4, 12, 32) if SMALL else (8, 20, 32)
 
 output = Path("output/calibrate_a_camera")
 output.mkdir(parents=True, exist_ok=True)
@@ -99,6 +99,8 @@ figure.savefig(output / "corners.png", dpi=100)
 
 calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(focal_length=100.0, f_number=8.0))
 print(calibration)
+efl = pl.paraxial.cardinal_points(real.lens).efl
+print(f"true: focal length {efl:.3f} mm, array to sensor {real.microlenses_to_sensor - 0.2:.3f} mm")
 pl.plots.plot_calibration(calibration).savefig(output / "errors.png", dpi=100)
 
 # %%
