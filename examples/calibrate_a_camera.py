@@ -56,7 +56,7 @@ def photograph(scene, seed):
 # The white image
 # ---------------
 #
-# It shows the lattice of the micro images, and the centre of each: circles and dots. Arrows are the distances of centres
+# It shows the lattice of the micro images, circles here, and the centre of each, dots. Arrows are distances of centres
 # from the lattice.
 
 white = photograph(None, seed=1)
