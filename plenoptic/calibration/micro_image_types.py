@@ -1,4 +1,4 @@
-"""Types of micro images, which differ in light or size, by their place in the lattice."""
+"""Types of micro images, which differ in light or size, by their place in the lattice, and the borders of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats
+from plenoptic.optics.microlens.lattice import neighbour_steps
 
 _PERIODS = (1, 2, 3, 4)
 """Periods of patterns of types along each step of the lattice."""
@@ -17,6 +19,12 @@ _FEWEST = 10
 _SIGNIFICANCE, _MIN_DIFFERENCE = 6.0, 0.01
 """Least difference of types, in standard errors and relatively."""
 _TREND_STEPS = 4
+_MOST, _BIN, _TOWARDS_CORNERS = 300, 0.5, 0.94
+"""Micro images of which borders are measured, width of the rings in pixels, and the cosine of the least angle of pixels
+from the direction of a neighbour."""
+_QUARTERS, _PIXEL_BORDER = 0.42, 1.45
+"""Distance over which light falls from 75 to 25 % over the width of a hexagonal opening that blurs an edge, and the
+width that pixels alone give."""
 _NEIGHBOURS = np.array([step for step in product(range(-2, 3), repeat=2) if any(step)])
 
 
@@ -79,3 +87,40 @@ def _merge(medians: Floats, error: Floats) -> NDArray[np.int64]:
     sizes = {f: float(medians[joined[f], -1].mean()) for f in np.unique(first).tolist()}
     rank = {f: k for k, f in enumerate(sorted(sizes, key=sizes.__getitem__))}
     return np.array([rank[f] for f in first.tolist()], dtype=np.int64)
+
+
+def disc_borders(light: Floats, grid: MicroImageGrid) -> Floats:
+    """Radius of half of the light, and width of the border, (types, 2), of micro images near the centre of an image.
+
+    Pixels are those towards the corners of cells, which get least light of neighbours. nan where light does not fall
+    by three quarters there.
+    """
+    assert grid.index is not None and grid.centre is not None
+    near = np.argsort(np.hypot(*(grid.centre - 0.5 * np.array(grid.shape)).T), kind="stable")[:_MOST]
+    centre, types = grid.centre[near], grid.types_of(grid.index[near])
+    sides = np.hypot(*np.stack([*grid.basis, grid.basis[0] - grid.basis[1]]).T)
+    reach, inner = sides.prod() / (2.0 * np.linalg.det(grid.basis)), 0.25 * sides.min()
+    steps = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
+    square = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    pixel = np.clip(np.rint(centre).astype(np.int64)[:, None] + square, 0, np.subtract(grid.shape, 1))
+    offset, values = pixel - centre[:, None], light[pixel[..., 0], pixel[..., 1]]
+    radius, directions = np.hypot(offset[..., 0], offset[..., 1]), neighbour_steps(grid.lattice) @ grid.basis
+    along = (offset @ (directions.T / np.hypot(*directions.T))).max(axis=-1)
+    values = values / np.nanmedian(np.where(radius < inner, values, np.nan), axis=1, keepdims=True)
+    rings = np.where((along < _TOWARDS_CORNERS * radius) & (radius > inner), (radius - inner) / _BIN, -1.0).astype(int)
+    result = np.full((int(grid.type_pattern.max()) + 1, 2), np.nan)
+    for kind in np.unique(types).tolist():
+        of_kind = [values[(rings == k) & (types == kind)[:, None]] for k in range(math.floor((reach - inner) / _BIN))]
+        profile = np.array([np.median(ring) if len(ring) else 1.0 for ring in of_kind])
+        outer, half, rim = (_fall(profile, level) * _BIN + inner for level in (0.75, 0.5, 0.25))
+        result[kind] = half, math.sqrt(max(((rim - outer) / _QUARTERS) ** 2 - _PIXEL_BORDER**2, 0.0))
+    return result
+
+
+def _fall(profile: Floats, level: float) -> float:
+    """Place between rings at which a profile first falls to a level, from the inner edge of the first; nan for none."""
+    below = np.flatnonzero(profile < level)
+    if not len(below) or below[0] == 0:
+        return math.nan
+    k = int(below[0])
+    return k + 0.5 - float((level - profile[k]) / (profile[k - 1] - profile[k]))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.calibration.cells import Cell
 from plenoptic.calibration.lattice_search import NO_LATTICE, lattice_of, lattice_steps
-from plenoptic.calibration.micro_image_types import neighbour_differences, type_pattern
+from plenoptic.calibration.micro_image_types import disc_borders, neighbour_differences, type_pattern
 from plenoptic.calibration.white_image import WhitePlane, white_plane
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.camera.points.window_moments import WindowMoments
@@ -56,7 +56,7 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     -------
     MicroImageGrid
         With the measured micro images: those that are whole, and whose light and place are those of their neighbours,
-        unlike dead microlenses and those under dust. Types are ordered by radius. Pixels are those of the image, also
+        unlike dead microlenses and those under dust. Types are ordered by size. Pixels are those of the image, also
         of one of a region.
 
     Raises
@@ -119,14 +119,21 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     index, moments = index[is_whole], moments.rows(is_whole)
     centre, error = moments.centroid, moments.error
     scatter = _scatter(_differences(grid, index, centre))
-    return dataclasses.replace(
+    radius = np.sqrt(2.0 * np.maximum(moments.second - 1.0 / 6.0, 0.0))
+    grid = dataclasses.replace(
         grid,
         lattice=lattice_of(grid.basis)[0],
         index=index,
         centre=centre,
         standard_error=np.hypot(error, _SHARED * gain * scatter),
-        radius=np.sqrt(2.0 * np.maximum(moments.second - 1.0 / 6.0, 0.0)),
+        radius=radius,
     )
+    half_light, border = disc_borders(plane.light, grid).T
+    types = grid.types_of(index)
+    typical = np.array([np.median(radius[types == t]) if t in types else np.nan for t in range(len(border))])
+    # Second moments are those of the discs, blurred by their borders and cut at the cells.
+    radius = radius * np.where(np.isfinite(half_light), half_light / typical, 1.0)[types]
+    return dataclasses.replace(grid, radius=radius, border=np.nan_to_num(border))
 
 
 def _around(steps: int) -> NDArray[np.int64]:

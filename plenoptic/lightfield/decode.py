@@ -13,12 +13,14 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import kind_of, lateral_magnification, model_pupil
 from plenoptic.camera.points.centres import CentreMethod, microlens_centres
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats, choice, length_in_mm, numbers, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.grid_camera import geometry_of
 from plenoptic.lightfield.merged_samples import LensReadings, MergedView, view_renderer
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, checked_viewpoint, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, checked_viewpoint, raw_arrays
 from plenoptic.lightfield.resample import Resampling, resampling
 from plenoptic.lightfield.view_model import ViewModel, view_model
 from plenoptic.lightfield.views import LightField
@@ -37,7 +39,7 @@ plenoptic 1.0. Another wavelength changes the distance by about 2 %.
 
 def decode(  # noqa: PLR0913
     shot: Exposure,
-    white: Exposure,
+    white: Exposure | MicroImageGrid,
     *,
     views: int | None = None,
     step: float = 1.0,
@@ -46,7 +48,7 @@ def decode(  # noqa: PLR0913
     disparity: ArrayLike | None = None,
     least_light: float = 0.05,
     method: CentreMethod = CentreMethod.CHIEF_RAY,
-    camera: PlenopticCamera | None = None,
+    camera: PlenopticCamera | MicroImageGrid | None = None,
 ) -> LightField:
     """Decode the raw image of a plenoptic 1.0 camera into sub-aperture views, devignetted by a white image.
 
@@ -133,7 +135,8 @@ def decode(  # noqa: PLR0913
     >>> field.pupil[8, 4, 0].round(2).item(), [round(d, 2) for d in field.disparity_at(-300.0)]
     (0.42, [0.33, 0.33])
     """
-    raw, camera = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+    geometry = geometry_of(shot, white, camera)
+    raw, camera = raw_arrays(shot, geometry.white, least_light), geometry.camera
     array, axes, pupil_point = _unfocused_array(camera), array_axes(camera), checked_viewpoint(viewpoint)
     pixel_spacing = None if spacing is None else length_in_mm(spacing, "spacing")
     offsets = _offsets(camera, array, views, positive(step, "step", "pixels"), pupil_point)
@@ -142,7 +145,7 @@ def decode(  # noqa: PLR0913
         camera, choice(method, CentreMethod, "method"), margin=max_offset * camera.sensor.pixel_pitch
     )
     is_chief = centres.method is CentreMethod.CHIEF_RAY
-    check_white(camera, white, centres if is_chief else None)
+    geometry.check(shot, centres if is_chief else None)
     near = raw.near(centres.pixel, max_offset)
     if not near.any():
         raise InvalidValueError("the image contains no centre of a micro image; take a larger region")
@@ -181,7 +184,8 @@ def decode(  # noqa: PLR0913
         warn(f"views is {views}, and micro images hold {fitting} at this step: the other views are empty; take fewer")
     stated = error if has_errors else None
     field = field_of(camera, radiance, stated, offsets, grid.origin + origin, grid.spacing, samples)
-    return dataclasses.replace(field, noise=noise if has_errors else None)
+    field = dataclasses.replace(field, noise=noise if has_errors else None)
+    return field if geometry.grid is None else without_distances(field)
 
 
 def _unfocused_array(camera: PlenopticCamera) -> MicrolensArray:
@@ -355,6 +359,13 @@ def field_of(
         z_focus=focus,
         camera=camera,
     )
+
+
+def without_distances(field: LightField) -> LightField:
+    """The light field of a `MicroImageGrid`, which tells nothing of the scene in mm, nor of the lens."""
+    nowhere = np.full_like(field.exit_pupil, math.nan)
+    nan = math.nan, math.nan
+    return dataclasses.replace(field, camera=None, exit_pupil=nowhere, object_spacing=nan, z_focus=math.nan)
 
 
 def _plane_in_focus(camera: PlenopticCamera, model: ViewModel) -> tuple[float, float]:

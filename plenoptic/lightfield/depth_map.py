@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.display import picture_of
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
@@ -14,12 +17,13 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
+from plenoptic.lightfield.grid_camera import Geometry, checked_grid, geometry_of
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
-from plenoptic.lightfield.matching.micro_images import MicroImages, focused_array, image_side, micro_images
+from plenoptic.lightfield.matching.micro_images import MicroImages, image_side, micro_images
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, pinhole_model
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, raw_arrays
 from plenoptic.lightfield.views import LightField
 from plenoptic.rendering.exposure import Exposure
 
@@ -72,14 +76,14 @@ class DepthMap:
 
 def depth(  # noqa: PLR0913
     image: Exposure | LightField,
-    white: Exposure | None = None,
+    white: Exposure | MicroImageGrid | None = None,
     *,
     virtual_depth_range: tuple[float, float] | None = None,
     disparity_range: tuple[float, float] | None = None,
     window_radius: int = 2,
     min_relative_light: float = 0.1,
     matcher: Matcher = match_images,
-    camera: PlenopticCamera | None = None,
+    camera: PlenopticCamera | MicroImageGrid | None = None,
     threads: int | None = None,
     progress: bool = True,
 ) -> DepthMap:
@@ -173,21 +177,45 @@ def depth(  # noqa: PLR0913
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     if disparity_range is not None:
         raise InvalidValueError("a raw image is searched by virtual depth; give virtual_depth_range=")
-    raw = raw_arrays(image, white, min_relative_light, "min_relative_light")
-    camera, workers = camera_of(image, camera), thread_count(threads)
-    focused_array(camera)
-    virtual_depths = _virtual_depths(camera, virtual_depth_range)
-    check_white(camera, white)
+    searches = _searches(image, white, camera, virtual_depth_range)
+    geometry, workers = searches[0][0], thread_count(threads)
+    raw = raw_arrays(image, geometry.white, min_relative_light, "min_relative_light")
+    geometry.check(image)
     with CallProgress("matching", kind="camera", show=progress):
-        model = pinhole_model(camera, virtual_depths, workers)
-        micro = micro_images(model, raw, virtual_depths, radius)
-        return _depth_of_raw_image(model, raw, micro, matcher)
+        trials = [_match(each.camera, raw, bounds, radius, matcher, workers) for each, bounds in searches]
+        best = max(trials, key=lambda trial: float(np.nan_to_num(trial.matches.confidence).mean()))
+        depth_map = _depth_of_raw_image(best, raw)
+    if geometry.grid is not None:
+        depth_map = dataclasses.replace(depth_map, depth=np.full_like(depth_map.depth, math.nan))
+    return depth_map
 
 
-def _depth_of_raw_image(model: PinholeModel, raw: RawArrays, micro: MicroImages, matcher: Matcher) -> DepthMap:
+class _Trial(NamedTuple):
+    """Raw image matched within a range of virtual depths."""
+
+    model: PinholeModel
+    micro: MicroImages
+    matches: Matches
+
+
+def _match(
+    camera: PlenopticCamera,
+    raw: RawArrays,
+    virtual_depths: tuple[float, float],
+    radius: int,
+    matcher: Matcher,
+    threads: int,
+) -> _Trial:
+    model = pinhole_model(camera, virtual_depths, threads)
+    micro = micro_images(model, raw, virtual_depths, radius)
+    matches = match_stack(micro.stack, matcher, threads)
+    return _Trial(model, micro, consensus(matches, micro, raw.shot.shape, threads))
+
+
+def _depth_of_raw_image(trial: _Trial, raw: RawArrays) -> DepthMap:
     """Depth of a raw image: disparities of the pinhole model, converted to chord disparity and to depth."""
-    matches = match_stack(micro.stack, matcher, model.threads)
-    disparity, error, confidence = matches = consensus(matches, micro, raw.shot.shape, model.threads)
+    model, micro, matches = trial
+    disparity, error, confidence = matches
     _check_range(matches, micro.stack.disparities)
     measured, pitch = np.isfinite(disparity[micro.row, micro.column]), micro.stack.pitch
     lit, lens = (micro.row[measured], micro.column[measured]), micro.lit[0][measured]
@@ -215,11 +243,24 @@ def _check_range(matches: Matches, searched: Floats) -> None:
         warn(f"{100 * beyond:.0f} % of the depths lie beyond the end of virtual_depth_range: widen it")
 
 
-def _virtual_depths(camera: PlenopticCamera, bounds: tuple[float, float] | None) -> tuple[float, float]:
-    """Virtual depths that are searched in a raw image, of one sign."""
+def _searches(
+    image: Exposure,
+    white: Exposure | MicroImageGrid,
+    camera: PlenopticCamera | MicroImageGrid | None,
+    bounds: tuple[float, float] | None,
+) -> list[tuple[Geometry, tuple[float, float]]]:
+    """Cameras and virtual depths with which a raw image is matched: of a grid, those on either side of the array."""
     low, high = _VIRTUAL_DEPTHS
-    if bounds is None:
-        return (low, high) if image_side(camera) > 0 else (-high, -low)
+    ranges = [(low, high), (-high, -low)] if bounds is None else [_virtual_depths(bounds)]
+    if checked_grid(white, camera) is not None:
+        return [(geometry_of(image, white, camera, math.copysign(1.0, each[0])), each) for each in ranges]
+    geometry = geometry_of(image, white, camera)
+    side = image_side(geometry.camera)
+    return [(geometry, ranges[0 if side > 0 else -1])]
+
+
+def _virtual_depths(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Virtual depths that are searched in a raw image, of one sign."""
     low, high = _range(bounds, "virtual_depth_range")
     if not (1.0 < low < high <= _LARGEST or -_LARGEST <= low < high < -1.0):
         raise InvalidValueError(

@@ -118,10 +118,11 @@ def _in_four_directions(field: LightField) -> tuple[NDArray[np.int64], Floats]:
 
 def down_over_across(field: LightField) -> float:
     """Ratio of the disparity along rows per pixel of v to that along columns per pixel of u; 1 if unknown."""
-    if field.camera is not None:
-        return field.spacing[0] / field.spacing[1]
-    across, down = _between_cameras(field)
-    return down / across if np.isfinite(down / across) else 1.0
+    ratio = field.spacing[0] / field.spacing[1]
+    if math.isnan(ratio):
+        across, down = _between_cameras(field)
+        ratio = down / across
+    return ratio if math.isfinite(ratio) else 1.0
 
 
 def _between_cameras(field: LightField) -> tuple[float, float]:

@@ -58,9 +58,12 @@ class MicroImageGrid:
     standard_error : (m, 2) array_like, optional
         Standard errors of the centres.
     radius : (m,) array_like, optional
-        Their radii, pixels: of discs of the same area and brightness.
+        Their radii up to half of the light, pixels.
     type_pattern : (p, q) array_like of int
         Type of the micro image (k, l), at [k mod p, l mod q], from 0; as `MicrolensArray.type_pattern`.
+    border : (t,) array_like, optional
+        Width of the border over which the light of each type fades out, pixels: that of the opening of a microlens,
+        out of focus, the pitch times |1 - b / f|.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class MicroImageGrid:
     standard_error: Given[Floats | None, ArrayLike | None] = Given(default=None)
     radius: Given[Floats | None, ArrayLike | None] = Given(default=None)
     type_pattern: Given[NDArray[np.int64], ArrayLike] = Given(default=((0,),))
+    border: Given[Floats | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
@@ -104,6 +108,11 @@ class MicroImageGrid:
             "type_pattern",
             frozen_array(self.type_pattern, name="type_pattern", shape=(None, None), dtype=np.int64),
         )
+        if self.border is not None:
+            types = int(self.type_pattern.max()) + 1
+            set_field(self, "border", frozen_array(self.border, name="border", shape=(types,)))
+            if not (np.isfinite(self.border) & (self.border >= 0)).all():
+                raise InvalidValueError(f"border is {self.border.tolist()}; give widths in pixels, 0 for sharp ones")
         lengths = np.hypot(*self.basis.T)
         if not (np.isfinite(self.origin).all() and abs(np.linalg.det(self.basis)) > 0.1 * lengths.prod()):
             raise InvalidValueError(f"basis is {self.basis.tolist()}; give two steps in different directions")

@@ -7,18 +7,21 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import model_pupil, opening_width, paraxial_cone
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.camera.report.illumination import clear_pupil
-from plenoptic.core.values import Floats
+from plenoptic.core.values import Floats, numbers
 from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.depth_map import DepthMap
+from plenoptic.lightfield.grid_camera import NO_DISTANCES, checked_grid, geometry_of
 from plenoptic.lightfield.matching.micro_images import focused_array
 from plenoptic.lightfield.outward_rays import rays_at_array
-from plenoptic.lightfield.raw_arrays import RawArrays, camera_of, check_white, raw_arrays
+from plenoptic.lightfield.raw_arrays import RawArrays, raw_arrays
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.rendering.exposure import Exposure
 
@@ -54,6 +57,8 @@ class PixelRays(NamedTuple):
     """(n, 2): intersection with the pupil relative to its centre, over its distance."""
     to_sensor: Floats
     """Distance from the rear principal plane of the array, mm."""
+    has_distances: bool
+    """False for the ideal camera of a `MicroImageGrid`, whose lengths are pixels."""
 
     def at(self, plane: NDArray[Any]) -> Floats:
         """Values of an array (H, W) or (H, W, C) of the raw image at the rays."""
@@ -79,14 +84,30 @@ def paraxial_pupil(camera: PlenopticCamera) -> Pupil:
     return Pupil(cone.vergence, cone.slope if upright else -cone.slope)
 
 
-def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, least_light: float) -> PixelRays:
-    """Rays of all lit pixels of a raw image that see one microlens alone."""
-    raw, camera = raw_arrays(shot, white, least_light), camera_of(shot, camera)
+def pixel_rays(
+    shot: Exposure,
+    white: Exposure | MicroImageGrid,
+    camera: PlenopticCamera | MicroImageGrid | None,
+    least_light: float,
+    disparity: ArrayLike | DepthMap | None = None,
+) -> PixelRays:
+    """Rays of all lit pixels of a raw image that see one microlens alone.
+
+    A disparity tells on which side of the array the images of a grid's camera lie.
+    """
+    has_grid, side = checked_grid(white, camera) is not None, 0.0
+    if has_grid:
+        if disparity is None:
+            raise InvalidValueError(NO_DISTANCES)
+        measured = disparity.disparity if isinstance(disparity, DepthMap) else numbers(disparity, "disparity")
+        side = -1.0 if np.nansum(np.sign(measured)) < 0 else 1.0
+    geometry = geometry_of(shot, white, camera, side)
+    raw, camera = raw_arrays(shot, geometry.white, least_light), geometry.camera
     array, pupil = focused_array(camera), paraxial_pupil(camera)
     first, shape = np.array(raw.first), raw.shot.shape[:2]
     radius = _radius(camera, array, pupil)
     centres = _centres(camera, max(array.pitches))
-    check_white(camera, white, centres)
+    geometry.check(shot, centres)
     inside_image = np.flatnonzero(raw.near(centres.pixel, radius))
     centre = centres.pixel[inside_image][:, :, None, None]
     step = np.arange(-math.ceil(radius), math.ceil(radius) + 1)
@@ -106,7 +127,8 @@ def pixel_rays(shot: Exposure, white: Exposure, camera: PlenopticCamera | None, 
         centres.on_array[inside_image][lens],
     )
     types, at_pupil = centres.type[inside_image][lens], through * pupil.vergence - slopes
-    return PixelRays(camera, array, pupil, raw, row[used], column[used], lens, types, through, at_pupil, to_sensor)
+    place = row[used], column[used], lens, types, through, at_pupil, to_sensor
+    return PixelRays(camera, array, pupil, raw, *place, has_distances=not has_grid)
 
 
 @functools.lru_cache(maxsize=4)

@@ -9,7 +9,9 @@ from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, result
+from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.focused.pixel_rays import paraxial_pupil
+from plenoptic.lightfield.grid_camera import NO_DISTANCES
 from plenoptic.scene.scene import Scene
 from plenoptic.truth.channels import GroundTruth, Truth
 
@@ -34,7 +36,8 @@ class View:
         Distance of the pixels on the array, in mm.
     viewpoint : (float, float)
         Point of the pupil through which all light passes, in semi-diameters of the iris.
-    camera : PlenopticCamera
+    camera : PlenopticCamera or None
+        None for a view of a `MicroImageGrid`, whose lengths are pixels of the raw image.
     filled : (rows, columns) array of bool, or None
         True for pixels replaced by `fill=True`, which without it are nan, show another surface, or are made from
         unreliable disparities; None without it.
@@ -47,7 +50,7 @@ class View:
     on_array: Floats
     spacing: float
     viewpoint: tuple[float, float]
-    camera: PlenopticCamera
+    camera: PlenopticCamera | None
     filled: NDArray[np.bool_] | None = None
 
     def truth(self, scene: Scene, *, truth: Truth = Truth.ALL) -> GroundTruth:
@@ -75,6 +78,8 @@ class View:
         """
         from plenoptic.truth.ground_truth import truth_along
 
+        if self.camera is None:
+            raise InvalidValueError(f"rays of the view are unknown: {NO_DISTANCES}")
         axes = array_axes(self.camera)
         pupil = paraxial_pupil(self.camera)
         local = axes.local(self.on_array.reshape(-1, 2))

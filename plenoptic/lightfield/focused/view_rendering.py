@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, finite, length_in_mm, numbers, positive
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.decode import field_of, odd_count
+from plenoptic.lightfield.decode import field_of, odd_count, without_distances
 from plenoptic.lightfield.depth_map import DepthMap
 from plenoptic.lightfield.focused.edges import correct_edges, edge_weights
 from plenoptic.lightfield.focused.filling import fill_disparities
@@ -63,7 +64,7 @@ class ViewSamples(NamedTuple):
 
 def render_view(  # noqa: PLR0913
     shot: Exposure,
-    white: Exposure,
+    white: Exposure | MicroImageGrid,
     disparity: ArrayLike | DepthMap | None = None,
     *,
     z: float | None = None,
@@ -72,7 +73,7 @@ def render_view(  # noqa: PLR0913
     aperture: float | None = None,
     spacing: float | None = None,
     least_light: float = _LEAST_LIGHT,
-    camera: PlenopticCamera | None = None,
+    camera: PlenopticCamera | MicroImageGrid | None = None,
     threads: int | None = None,
     progress: bool = True,
 ) -> View:
@@ -153,7 +154,7 @@ def render_view(  # noqa: PLR0913
     >>> view, bool(abs(np.nanmedian(view.disparity) - 3.26) < 0.05)
     (View(31 x 31 x 1 from (0.0, 0.0)), True)
     """
-    rays = pixel_rays(shot, white, camera, least_light)
+    rays = pixel_rays(shot, white, camera, least_light, disparity)
     radius = math.inf if aperture is None else positive(aperture, "aperture")
     pupil_point = checked_viewpoint(viewpoint)
     with CallProgress("rendering the view", kind="camera", show=progress):
@@ -163,13 +164,13 @@ def render_view(  # noqa: PLR0913
 
 def render_views(
     shot: Exposure,
-    white: Exposure,
+    white: Exposure | MicroImageGrid,
     disparity: ArrayLike | DepthMap,
     *,
     views: int = 5,
     fill: bool = False,
     spacing: float | None = None,
-    camera: PlenopticCamera | None = None,
+    camera: PlenopticCamera | MicroImageGrid | None = None,
     threads: int | None = None,
 ) -> LightField:
     """Render views of a focused plenoptic camera (2.0) from a grid of points of the pupil, as a light field.
@@ -204,7 +205,7 @@ def render_views(
     (LightField(3 x 3 views of 31 x 31 x 1), [0.6, -0.6])
     """
     count = odd_count(views)
-    rays = pixel_rays(shot, white, camera, _LEAST_LIGHT)
+    rays = pixel_rays(shot, white, camera, _LEAST_LIGHT, disparity)
     camera, pupil = rays.camera, rays.pupil
     samples = _sample_sets(rays, disparity, None, fill, spacing)
     positions = np.linspace(-_HALF_SIDE, _HALF_SIDE, count) if count > 1 else np.zeros(1)
@@ -218,7 +219,7 @@ def render_views(
     chief = axes.on_sensor(local.reshape(-1, 2), local.reshape(-1, 2) * pupil.vergence)
     pixel = camera.sensor.pixel_of(chief).reshape(local.shape)
     errors = [[view.standard_error for view in column] for column in rendered]
-    return field_of(
+    field = field_of(
         camera,
         np.array([[view.picture for view in column] for column in rendered]),
         None if rays.raw.variance is None else np.array(errors),
@@ -227,6 +228,7 @@ def render_views(
         (grid.spacing, grid.spacing),
         np.concatenate([pixel, rendered[0][0].on_array], axis=-1),
     )
+    return field if rays.has_distances else without_distances(field)
 
 
 def _sample_sets(
@@ -314,7 +316,7 @@ def _render_from_viewpoint(samples: ViewSamples, viewpoint: tuple[float, float],
         on_array=array_axes(camera).on_array(grid.positions().reshape(-1, 2)).reshape(*grid.shape, 2),
         spacing=grid.spacing,
         viewpoint=viewpoint,
-        camera=camera,
+        camera=camera if rays.has_distances else None,
     )
 
 
