@@ -19,9 +19,9 @@ _FEWEST = 10
 _SIGNIFICANCE, _MIN_DIFFERENCE = 6.0, 0.01
 """Least difference of types, in standard errors and relatively."""
 _TREND_STEPS = 4
-_MOST, _BIN, _TOWARDS_CORNERS = 300, 0.5, 0.94
-"""Micro images of which borders are measured, width of the rings in pixels, and the cosine of the least angle of pixels
-from the direction of a neighbour."""
+_MOST, _INNER, _BIN, _TOWARDS_CORNERS = 300, 0.15, 0.5, 0.94
+"""Micro images of which borders are measured, radius of full light in pitches, width of rings in pixels, and the cosine
+of the least angle of pixels from the direction of a neighbour."""
 _QUARTERS, _PIXEL_BORDER = 0.42, 1.45
 """Distance over which light falls from 75 to 25 % over the width of a hexagonal opening that blurs an edge, and the
 width that pixels alone give."""
@@ -99,7 +99,7 @@ def disc_borders(light: Floats, grid: MicroImageGrid) -> Floats:
     near = np.argsort(np.hypot(*(grid.centre - 0.5 * np.array(grid.shape)).T), kind="stable")[:_MOST]
     centre, types = grid.centre[near], grid.types_of(grid.index[near])
     sides = np.hypot(*np.stack([*grid.basis, grid.basis[0] - grid.basis[1]]).T)
-    reach, inner = sides.prod() / (2.0 * np.linalg.det(grid.basis)), 0.25 * sides.min()
+    reach, inner = sides.prod() / (2.0 * np.linalg.det(grid.basis)), _INNER * sides.min()
     steps = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
     square = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     pixel = np.clip(np.rint(centre).astype(np.int64)[:, None] + square, 0, np.subtract(grid.shape, 1))

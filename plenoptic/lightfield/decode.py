@@ -61,8 +61,9 @@ def decode(  # noqa: PLR0913
     shot : Exposure
         Raw image of a camera whose microlenses are focused at infinity: b = f to within 5 %, or with a blur below one
         pixel. For raw images of focused cameras, see `render_view`.
-    white : Exposure
-        White image of the same camera, of the whole sensor or of a region that contains the shot's.
+    white : Exposure or MicroImageGrid
+        White image of the same camera, of the whole sensor or of a region that contains the shot's. With a grid, views
+        are not devignetted.
     views : int, optional
         Number of views along u and along v; odd, and at most across four micro images. None: as many as fit into one.
     step : float, optional
@@ -81,21 +82,23 @@ def decode(  # noqa: PLR0913
         belong to the image of a neighbouring microlens are nan everywhere.
     method : CentreMethod, optional
         Definition of the centres from which the offsets are measured.
-    camera : PlenopticCamera, optional
-        The camera, if the shot does not store it.
+    camera : PlenopticCamera or MicroImageGrid, optional
+        The camera, if the shot does not store it; or the micro images of an unknown one.
 
     Returns
     -------
     LightField
         Views are upright, also if the array is rotated. Microlens positions include `imperfections` and placements.
-        Points of the pupil are those of the design; disparities and the plane in focus are traced.
+        Points of the pupil are those of the design; disparities and the plane in focus are traced. With a grid, lengths
+        on the array are in pixels of the raw image, and there is no camera.
 
     Raises
     ------
     InvalidValueError
         If there is no camera, no microlenses or no lattice (FREE ones have no neighbours to interpolate between); for a
         focused camera (2.0), a number out of range, a white image that does not cover the shot or whose micro images
-        lie more than half a pitch from the camera's (a warning above 0.1 pixels), or a region without micro images.
+        lie more than half a pitch from the camera's (a warning above 0.1 pixels), or a region without micro images; for
+        a grid of another sensor or camera, by the micro images of the white image or else of the shot.
 
     Notes
     -----

@@ -56,9 +56,10 @@ class DepthMap:
         image, the mean of this over the microlenses that see the point and agree on its depth, times the fraction that
         agree; at most 0.5 if a single one sees it. At most 0.7 within `window_radius` + 1 pixels of a farther surface.
     virtual_depth : (H, W) array
-        Pitch / (disparity pixel pitch), negative for images in front of the array; nan for views.
+        Pitch / (disparity pixel pitch), negative for images in front of the array; nan for views. With a
+        `MicroImageGrid`, the pitch of its micro images counts.
     depth : (H, W) array
-        -z in the camera's frame, mm; nan where it is unknown or not in front of the lens.
+        -z in the camera's frame, mm; nan where it is unknown or not in front of the lens, and without a camera.
     """
 
     disparity: Floats
@@ -94,11 +95,12 @@ def depth(  # noqa: PLR0913
     image : Exposure or LightField
         The raw image of a camera with focused microlenses of one or several focal lengths; or sub-aperture views, for
         depth of the central one.
-    white : Exposure, optional
-        The white image, as in `decode`; none for views.
+    white : Exposure or MicroImageGrid, optional
+        The white image or grid, as in `decode`; none for views.
     virtual_depth_range : (float, float), optional
         Virtual depths that are searched in a raw image: from 1 to 1000, or from -1000 to -1 for images in front of the
-        array. None: 1.8 to 25 if microlenses of any type are focused behind the array, else -25 to -1.8.
+        array. None: 1.8 to 25 if microlenses of any type are focused behind the array, else -25 to -1.8; with a grid,
+        whichever of both finds more.
     disparity_range : (float, float), optional
         Disparities that are searched in views, in pixels. None: -2 to 2, or less if views would move by half of their
         size.
@@ -110,8 +112,8 @@ def depth(  # noqa: PLR0913
         Another algorithm: called with an `ImageStack` and the numbers of its first and end image, it returns the
         `Matches` (end - first, rows, columns) of these images. It may use the steps `plane_sweep`, `semi_global` and
         `refine`. Threads call it for several blocks of images at a time.
-    camera : PlenopticCamera, optional
-        The camera, if the raw image does not store it.
+    camera : PlenopticCamera or MicroImageGrid, optional
+        The camera, if the raw image does not store it; or the micro images of an unknown one.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it. Views use one.
     progress : bool, optional
@@ -145,6 +147,9 @@ def depth(  # noqa: PLR0913
     each pixel by aberrations and vignetting, also in views, where the slopes of epipolar lines are matched in the same
     way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
     the refinement takes that off.
+
+    With a grid, disparity is relative to the centres of micro images: it exceeds that of the camera by the difference of
+    their distance and that of microlenses, in pixels. Aberrations of the main lens stay in it, and depth is nan.
 
     The page docs/depth.md has figures and limits.
 

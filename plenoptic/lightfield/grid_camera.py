@@ -46,7 +46,7 @@ _MIN_TURN, _MIN_SHIFT = 0.5, 0.03
 turned and uneven: views of others are not interpolated."""
 _PIXELS = 1 << 22
 """Pixels of micro images that are drawn at a time."""
-_MAX_SHIFT = 0.1
+_MAX_SHIFT = 0.15
 """Largest displacement of micro images from their grid, in pitches."""
 
 
@@ -112,7 +112,7 @@ def _check_grid(camera: PlenopticCamera, image: Exposure, name: str, centres: Mi
     shift = lattice_shift(camera, unnamed, centres)
     if shift is None and not has_contrast(camera, unnamed, centres):
         return
-    if shift is None or shift.largest > max(_MAX_SHIFT * shift.pitch, 4.0 * shift.standard_error):
+    if shift is None or shift.largest > _MAX_SHIFT * shift.pitch:
         distance = "do not lie on it" if shift is None else f"lie up to {shift.largest:.3g} pixels from it"
         raise InvalidValueError(
             f"the grid is of another camera: the micro images of the {name} {distance}; give that of a white image "

@@ -58,8 +58,9 @@ class LightField:
         z of the plane in focus in the camera's frame, mm: traced points near the axis that all views see at the same
         pixels; nan without one in front of the lens.
     camera : PlenopticCamera or None
-        None for imported light fields, which have no raw image: `pixel`, `on_array`, `pupil`, `origin` and `spacing`
-        are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
+        None for a `MicroImageGrid`: `on_array`, `origin` and `spacing` are in pixels of the raw image, `pupil` in radii
+        of micro images, and what is in mm is nan. None for imported light fields, too, which have no raw image:
+        `pixel`, `on_array`, `pupil`, `origin` and `spacing` are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
         is measured, or nan.
     ground_truth : DepthMap or None
         True depth and disparity of the central view in the files of an imported light field, with standard error 0 and

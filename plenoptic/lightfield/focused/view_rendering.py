@@ -81,7 +81,7 @@ def render_view(  # noqa: PLR0913
 
     Parameters
     ----------
-    shot, white : Exposure
+    shot, white : Exposure, or MicroImageGrid for white
         As in `decode`.
     disparity : DepthMap, (H, W) array_like or float, optional
         Disparity of each pixel of the shot, as `GroundTruth.chord_disparity` or a `DepthMap`, nan if unknown: the
@@ -103,8 +103,8 @@ def render_view(  # noqa: PLR0913
         Distance of the picture's pixels on the array, in mm. None: a sixth of the pitch.
     least_light : float, optional
         Pixels are used where the white image has at least this fraction of its 99th percentile.
-    camera : PlenopticCamera, optional
-        The camera, if the shot does not store it.
+    camera : PlenopticCamera or MicroImageGrid, optional
+        As in `decode`; with a grid, `spacing` is in pixels of the raw image, and `z` is refused.
     threads : int, optional
         None: one for each processor, at most NUMBA_NUM_THREADS. The result does not depend on it.
     progress : bool, optional
@@ -180,8 +180,7 @@ def render_views(
     shot, white, disparity, fill, spacing, camera, threads
         As in `render_view`; the disparity of each pixel.
     views : int, optional
-        Number of views along u and along v; odd. The outermost lie at 0.6 of the iris's semi-diameter to the right and
-        left, above and below.
+        Odd number of views along u and along v. The outermost lie at 0.6 of the iris's semi-diameter on each side.
 
     Returns
     -------
