@@ -148,8 +148,8 @@ def depth(  # noqa: PLR0913
     way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
     the refinement takes that off.
 
-    With a grid, disparity is relative to the centres of micro images: it exceeds that of the camera by the difference of
-    their distance and that of microlenses, in pixels. Aberrations of the main lens stay in it, and depth is nan.
+    With a grid, disparity is relative to the centres of micro images: it exceeds that of the camera by the difference
+    of their distance and that of microlenses, in pixels. Aberrations of the main lens stay in it, and depth is nan.
 
     The page docs/depth.md has figures and limits.
 

@@ -135,8 +135,7 @@ def _ideal_camera(grid: MicroImageGrid, side: float) -> PlenopticCamera:
         pattern=grid.type_pattern,
         imperfections=MicrolensDeviations(index=index, shift=shift) if np.abs(shift).max() > _MIN_SHIFT else None,
     )
-    # The sharpest type shows the pupil best.
-    iris = _PUPIL_DISTANCE * float(_radii(grid)[border.argmin()])
+    iris = _PUPIL_DISTANCE * _radius(grid)
     front = Surface(0.5 * distance, medium=ConstantMedium(2.0), semi_diameter=2.0 * iris)
     surfaces = (front, Surface(math.inf, semi_diameter=2.0 * iris))
     return PlenopticCamera(
@@ -205,30 +204,30 @@ def _measured_deviations(grid: MicroImageGrid, index: NDArray[np.int64]) -> Floa
     return displacement
 
 
-def _radii(grid: MicroImageGrid) -> Floats:
-    """Radius of the micro images of each type, (t,); half the pitch where it is not measured."""
-    radii = np.full(int(grid.type_pattern.max()) + 1, 0.5 * min(grid.pitches))
-    if grid.radius is not None and grid.index is not None:
-        of_lens = grid.types_of(grid.index)
-        for kind in set(of_lens.tolist()):
-            radii[kind] = np.median(grid.radius[of_lens == kind])
-    return radii
+def _radius(grid: MicroImageGrid) -> float:
+    """Radius of the pupil's image, by the sharpest type of micro images; half the pitch where it is not measured."""
+    if grid.radius is None or grid.index is None:
+        return 0.5 * min(grid.pitches)
+    types = grid.types_of(grid.index)
+    present = np.unique(types)
+    sharpest = present[0 if grid.border is None else grid.border[present].argmin()]
+    return float(np.median(grid.radius[types == sharpest]))
 
 
 @functools.lru_cache(maxsize=4)
 def _even_white(grid: MicroImageGrid) -> Exposure:
     """White image of evenly lit micro images: discs whose light fades out over their borders."""
     index = _indices_around(grid)
-    centre, types, radii = grid.centres_of(index), grid.types_of(index), _radii(grid)
-    border = np.maximum(np.zeros(len(radii)) if grid.border is None else grid.border, 1.0)
+    centre, types, radius = grid.centres_of(index), grid.types_of(index), _radius(grid)
+    border = np.ones(int(grid.type_pattern.max()) + 1) if grid.border is None else np.maximum(grid.border, 1.0)
     light = np.zeros(grid.shape)
     for kind in np.unique(types).tolist():
-        reach = math.ceil(radii[kind] + 0.5 * border[kind] + 0.5)
+        reach = math.ceil(radius + 0.5 * border[kind] + 0.5)
         steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
         for part in np.array_split(centre[types == kind], math.ceil(len(index) * len(steps) / _PIXELS)):
             pixel = np.rint(part).astype(np.int64)[:, None] + steps
             distance = np.hypot(*np.moveaxis(pixel - part[:, None], -1, 0))
-            value = np.clip(0.5 + (radii[kind] - distance) / border[kind], 0.0, 1.0)
+            value = np.clip(0.5 + (radius - distance) / border[kind], 0.0, 1.0)
             is_inside = ((pixel >= 0) & (pixel < grid.shape)).all(axis=-1) & (value > 0)
             np.add.at(light, tuple(pixel[is_inside].T), value[is_inside])
     return Exposure(np.minimum(light, 1.0)[..., None].astype(np.float32), white=True)

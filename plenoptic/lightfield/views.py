@@ -60,8 +60,8 @@ class LightField:
     camera : PlenopticCamera or None
         None for a `MicroImageGrid`: `on_array`, `origin` and `spacing` are in pixels of the raw image, `pupil` in radii
         of micro images, and what is in mm is nan. None for imported light fields, too, which have no raw image:
-        `pixel`, `on_array`, `pupil`, `origin` and `spacing` are nan, and `u` and `v` count views. Then `exit_pupil` contains the positions of the cameras, in whose frame z
-        is measured, or nan.
+        `pixel`, `on_array`, `pupil`, `origin` and `spacing` are nan, and `u` and `v` count views. Then `exit_pupil`
+        contains the positions of the cameras, in whose frame z is measured, or nan.
     ground_truth : DepthMap or None
         True depth and disparity of the central view in the files of an imported light field, with standard error 0 and
         confidence 1; None without them. For light fields with a camera, see `truth`.
