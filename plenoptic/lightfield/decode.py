@@ -17,7 +17,7 @@ from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats, choice, length_in_mm, numbers, positive, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.lightfield.grid_camera import geometry_of
+from plenoptic.lightfield.grid_camera import camera_and_white
 from plenoptic.lightfield.merged_samples import LensReadings, MergedView, view_renderer
 from plenoptic.lightfield.pinhole_model import image_distance_behind_array
 from plenoptic.lightfield.raw_arrays import RawArrays, checked_viewpoint, raw_arrays
@@ -138,7 +138,7 @@ def decode(  # noqa: PLR0913
     >>> field.pupil[8, 4, 0].round(2).item(), [round(d, 2) for d in field.disparity_at(-300.0)]
     (0.42, [0.33, 0.33])
     """
-    geometry = geometry_of(shot, white, camera)
+    geometry = camera_and_white(shot, white, camera)
     raw, camera = raw_arrays(shot, geometry.white, least_light), geometry.camera
     array, axes, pupil_point = _unfocused_array(camera), array_axes(camera), checked_viewpoint(viewpoint)
     pixel_spacing = None if spacing is None else length_in_mm(spacing, "spacing")

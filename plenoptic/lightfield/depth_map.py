@@ -17,7 +17,7 @@ from plenoptic.core.values import Floats, check_kind, numbers, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.epipolar import default_range, depth_of_matches, match_views
-from plenoptic.lightfield.grid_camera import Geometry, checked_grid, geometry_of
+from plenoptic.lightfield.grid_camera import CameraAndWhite, camera_and_white, grid_argument
 from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
@@ -253,13 +253,13 @@ def _searches(
     white: Exposure | MicroImageGrid,
     camera: PlenopticCamera | MicroImageGrid | None,
     bounds: tuple[float, float] | None,
-) -> list[tuple[Geometry, tuple[float, float]]]:
+) -> list[tuple[CameraAndWhite, tuple[float, float]]]:
     """Cameras and virtual depths with which a raw image is matched: of a grid, those on either side of the array."""
     low, high = _VIRTUAL_DEPTHS
     ranges = [(low, high), (-high, -low)] if bounds is None else [_virtual_depths(bounds)]
-    if checked_grid(white, camera) is not None:
-        return [(geometry_of(image, white, camera, math.copysign(1.0, each[0])), each) for each in ranges]
-    geometry = geometry_of(image, white, camera)
+    if grid_argument(white, camera) is not None:
+        return [(camera_and_white(image, white, camera, math.copysign(1.0, each[0])), each) for each in ranges]
+    geometry = camera_and_white(image, white, camera)
     side = image_side(geometry.camera)
     return [(geometry, ranges[0 if side > 0 else -1])]
 

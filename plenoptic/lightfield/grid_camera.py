@@ -50,7 +50,7 @@ _MAX_SHIFT = 0.15
 """Largest displacement of micro images from their grid, in pitches."""
 
 
-class Geometry(NamedTuple):
+class CameraAndWhite(NamedTuple):
     """Camera and white image of a shot, or ideal ones in their place."""
 
     camera: PlenopticCamera
@@ -68,7 +68,7 @@ class Geometry(NamedTuple):
             _check_grid(self.camera, self.white, "white image", centres)
 
 
-def checked_grid(
+def grid_argument(
     white: Exposure | MicroImageGrid, camera: PlenopticCamera | MicroImageGrid | None
 ) -> MicroImageGrid | None:
     """The grid in place of a white image or of a camera; None without one."""
@@ -81,18 +81,18 @@ def checked_grid(
     return white
 
 
-def geometry_of(
+def camera_and_white(
     shot: Exposure, white: Exposure | MicroImageGrid, camera: PlenopticCamera | MicroImageGrid | None, side: float = 0.0
-) -> Geometry:
+) -> CameraAndWhite:
     """Camera and white image of a shot, or those of a grid.
 
     Microlenses of a grid are focused at images in front of the array (`side` -1), behind it (1), or at infinity (0).
     """
     check_has(shot, "shot", "Exposure", "pl.render(scene, camera)", "white", "camera", "region")
-    grid = checked_grid(white, camera)
+    grid = grid_argument(white, camera)
     if grid is None:
         assert not isinstance(white, MicroImageGrid) and not isinstance(camera, MicroImageGrid)
-        return Geometry(camera_of(shot, camera), white)
+        return CameraAndWhite(camera_of(shot, camera), white)
     even = _even_white(grid)
     chosen = even if isinstance(white, MicroImageGrid) else white
     for image, name in ((shot, "shot"), (chosen, "white image")):
@@ -102,7 +102,7 @@ def geometry_of(
                 f"the grid is of an image of {grid.shape[0]} x {grid.shape[1]} pixels, and the {name} is {shape[0]} x "
                 f"{shape[1]}, its region {region}; give the grid of a white image of the same sensor"
             )
-    return Geometry(_ideal_camera(grid, side), chosen, grid)
+    return CameraAndWhite(_ideal_camera(grid, side), chosen, grid)
 
 
 def _check_grid(camera: PlenopticCamera, image: Exposure, name: str, centres: MicrolensCentres | None) -> None:

@@ -18,7 +18,7 @@ from plenoptic.camera.report.illumination import clear_pupil
 from plenoptic.core.values import Floats, numbers
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.depth_map import DepthMap
-from plenoptic.lightfield.grid_camera import NO_DISTANCES, checked_grid, geometry_of
+from plenoptic.lightfield.grid_camera import NO_DISTANCES, camera_and_white, grid_argument
 from plenoptic.lightfield.matching.micro_images import focused_array
 from plenoptic.lightfield.outward_rays import rays_at_array
 from plenoptic.lightfield.raw_arrays import RawArrays, raw_arrays
@@ -95,13 +95,13 @@ def pixel_rays(
 
     A disparity tells on which side of the array the images of a grid's camera lie.
     """
-    has_grid, side = checked_grid(white, camera) is not None, 0.0
+    has_grid, side = grid_argument(white, camera) is not None, 0.0
     if has_grid:
         if disparity is None:
             raise InvalidValueError(NO_DISTANCES)
         measured = disparity.disparity if isinstance(disparity, DepthMap) else numbers(disparity, "disparity")
         side = -1.0 if np.nansum(np.sign(measured)) < 0 else 1.0
-    geometry = geometry_of(shot, white, camera, side)
+    geometry = camera_and_white(shot, white, camera, side)
     raw, camera = raw_arrays(shot, geometry.white, least_light), geometry.camera
     array, pupil = focused_array(camera), paraxial_pupil(camera)
     first, shape = np.array(raw.first), raw.shot.shape[:2]
