@@ -15,17 +15,23 @@ from plenoptic.calibration.fitting.checks import (
     check_poses,
     check_residuals,
 )
-from plenoptic.calibration.fitting.covariance import clustered_covariance, information, inverse, pupil_sensitivity
-from plenoptic.calibration.fitting.geometry import COUNT, Parameter, rotate_points
+from plenoptic.calibration.fitting.advice import error_table
+from plenoptic.calibration.fitting.covariance import clustered_covariance, pupil_sensitivity
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, rotate_points
 from plenoptic.calibration.fitting.halves import HalfFit, fit_halves
 from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
 from plenoptic.calibration.fitting.start_values import start_state
+from plenoptic.calibration.fitting.traced_lens import trace_lens, trace_sources
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
 from plenoptic.calibration.twin import FixedParts, object_origin, twin_camera
+from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, check_kind, choice, finite, number
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.lattice import lattice_basis
 
 P = Parameter
@@ -38,6 +44,8 @@ _FIXED = (P.STRETCH, P.EXIT_PUPIL, P.DISTORTION)
 _MIN_HELD_OUT = 6
 """Least number of frames for cross-validation by halves."""
 _SIGNIFICANT = 2.0
+_MAX_MISSED = 0.02
+"""Largest fraction of corners, which may be outliers, whose rays a prescription does not pass."""
 
 
 class _ModelFit(NamedTuple):
@@ -50,7 +58,8 @@ class _ModelFit(NamedTuple):
 def calibrate(
     observations: Observations,
     *,
-    start: NominalCamera,
+    start: NominalCamera | PlenopticCamera,
+    lens: LensStack | None = None,
     board: float = _BOARD_SIGMA,
     priors: Mapping[Parameter, tuple[float, float]] | None = None,
 ) -> Calibration:
@@ -60,13 +69,18 @@ def calibrate(
     ----------
     observations : Observations
         At least 3 frames, better 10 and more, with boards tilted in different directions.
-    start : NominalCamera
-        Focal length and f-number as printed on the lens.
+    start : NominalCamera or PlenopticCamera
+        Focal length and f-number as printed on the lens, or the camera as designed: then the search begins with its
+        distances, too.
+    lens : LensStack, optional
+        Prescription of the main lens, or of one like it, whose rays are traced exactly. It is scaled to the fitted
+        focal length, with its iris (`LensStack.with_stop` gives it that of the photographs). None: a thin lens.
     board : float, optional
         Standard deviation in mm of a coordinate of the board's points from their design. They are fitted if
         frames that are left out ask for it. 0: the board is as designed.
     priors : mapping of Parameter to (float, float), optional
-        Mean and standard deviation of parameters. That of EXIT_PUPIL is (0, 0.14 f) unless it is given.
+        Mean and standard deviation of parameters. That of EXIT_PUPIL is (0, 0.14 f) unless it is given; a `lens` has
+        its own, from which that of the real lens deviates by this standard deviation.
 
     Returns
     -------
@@ -80,7 +94,7 @@ def calibrate(
 
     Notes
     -----
-    The main lens is thin; the array may be shifted, turned and tilted, and the principal point lies anywhere. The
+    The main lens is thin, or a prescription; the array may be shifted, turned and tilted, and the principal point lies anywhere. The
     chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro image is the
     image of the exit pupil's centre. Levenberg-Marquardt steps of camera, poses and board minimise the pseudo-Huber
     loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond that (points
@@ -114,29 +128,64 @@ def calibrate(
     ['PARAXIAL', 'PARAXIAL']
     """
     check_kind(observations, "observations", Observations, "pl.calibration.read_compote(...)")
-    check_kind(start, "start", NominalCamera, "pl.calibration.NominalCamera(focal_length=50.0, f_number=4.0)")
+    nominal, distances = _nominal(start)
+    if lens is not None:
+        check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
+        lens = lens.with_model(LensModel.EXACT)
     sigma = number(board, "board")
     if not 0 <= sigma < np.inf:
         raise InvalidValueError(f"board is {board!r}; it must be a standard deviation in mm, or 0")
-    prior = _priors(priors, start.focal_length)
+    prior = _priors(priors, nominal.focal_length)
     basis = lattice_basis(observations.lattice, (1.0, 1.0))
     free = ~np.isin(np.arange(COUNT), _FIXED)
     problem = problem_of(observations, basis, free)
     check_observations(observations, problem)
-    state = start_state(problem, start.focal_length)
+    state = start_state(problem, nominal.focal_length, distances)
     state.parameters[P.EXIT_PUPIL] = prior[P.EXIT_PUPIL, 0]
     problem = problem._replace(prior=prior)
     problem, state, _ = fit(problem, state)
     check_poses(state.poses)
     check_residuals(problem)
+    if lens is not None:
+        problem = _with_lens(problem, state, lens)
     best = _fit_with_halves(problem, state)
     tests: list[HeldOut] = []
     if sigma > 0:
         best, tests = _extend("free board", best, best.problem._replace(board_sigma=sigma), tests)
     best, tests = _extend("stretch of the array", best, _with(best.problem, P.STRETCH), tests)
-    check_focal_length(best.state, start.focal_length)
-    _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
-    return _result(observations, start, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
+    check_focal_length(best.state, nominal.focal_length)
+    if lens is None:
+        _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
+    layout = _layout(observations, nominal.f_number, lens, best)
+    return _result(observations, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
+
+
+def _nominal(start: NominalCamera | PlenopticCamera) -> tuple[NominalCamera, tuple[float, float] | None]:
+    """Nominal data, and for a design its distances from lens to array and from there to the sensor."""
+    if not isinstance(start, PlenopticCamera):
+        check_kind(start, "start", NominalCamera, "pl.calibration.NominalCamera(focal_length=50.0, f_number=4.0)")
+        return start, None
+    if start.microlenses is None:
+        raise InvalidValueError("start has no microlenses; a calibration needs a camera with an array of them")
+    points = cardinal_points(start.lens, start.wavelength)
+    distances = start.stop_to_microlenses - points.rear_principal, start.microlenses_to_sensor
+    return NominalCamera(points.efl, points.f_number), distances
+
+
+def _with_lens(problem: Problem, state: State, lens: LensStack) -> Problem:
+    """The problem with a traced lens, whose field is that of the micro images."""
+    parameters = state.parameters
+    centre = lenslets(parameters, problem.centre_grid).centre
+    slope = float((np.hypot(centre[:, 0], centre[:, 1]) / centre[:, 2]).max())
+    main_lens = trace_lens(lens, float(parameters[P.LENS_TO_ARRAY] / parameters[P.FOCAL_LENGTH]), slope)
+    points = rotate_points(state.poses, problem.frame, problem.board[problem.point]) + state.poses.shift[problem.frame]
+    centre = lenslets(parameters, problem.grid).centre
+    missed = float(np.mean(~trace_sources(main_lens, parameters[P.FOCAL_LENGTH], centre, points).passes))
+    if missed > _MAX_MISSED:
+        raise InvalidValueError(
+            f"lens {lens.name!r} passes no ray to {100 * missed:.0f} % of the corners; give one of a larger field"
+        )
+    return problem._replace(main_lens=main_lens)
 
 
 def _priors(priors: Mapping[Parameter, tuple[float, float]] | None, focal_length: float) -> Floats:
@@ -190,12 +239,15 @@ def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
 
 def _result(
     observations: Observations,
-    start: NominalCamera,
+    layout: FixedParts,
     best: _ModelFit,
     tests: tuple[HeldOut, ...],
     pupil_precision: float,
 ) -> Calibration:
     problem, state, at = best.problem, best.state, best.at
+    if problem.main_lens is not None:
+        f = state.parameters[P.FOCAL_LENGTH]
+        state.parameters[P.EXIT_PUPIL] = f * problem.main_lens.pupil(0.0)
     spread, n_free = clustered_covariance(problem, at), problem.n_free
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(problem.free, problem.free)] = spread.covariance[:n_free, :n_free]
@@ -208,7 +260,6 @@ def _result(
     errors = np.zeros(problem.board.shape)
     if problem.board_sigma > 0:
         errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)
-    layout = _layout(observations, start, problem, state)
     camera = twin_camera(state.parameters, layout)
     shift = state.poses.shift - state.poses.turn @ observations.board.mean(axis=0)
     return Calibration(
@@ -225,12 +276,13 @@ def _result(
         centre_residual=at.centres * problem.sigma[1],
         held_out=tests,
         layout=layout,
-        error_table=_error_table(problem, at, covariance),
+        error_table=error_table(problem, state, covariance),
     )
 
 
-def _layout(observations: Observations, start: NominalCamera, problem: Problem, state: State) -> FixedParts:
+def _layout(observations: Observations, f_number: float, lens: LensStack | None, best: _ModelFit) -> FixedParts:
     """Parts of the camera that are not fitted together."""
+    problem, state = best.problem, best.state
     f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
     arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
     depth = -(arms + state.poses.shift[problem.frame])[:, 2]
@@ -238,29 +290,4 @@ def _layout(observations: Observations, start: NominalCamera, problem: Problem, 
     focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
     index = observations.centre_index
     first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
-    return FixedParts(observations.sensor, observations.lattice, start.f_number, focus, pivot, first, last)
-
-
-def _error_table(problem: Problem, at: Evaluation, covariance: Floats) -> tuple[tuple[str, float, float, float], ...]:
-    """Standard errors of focal length and distances with more known, by the information of the observations."""
-    matrix, n_free = information(problem, at), problem.n_free
-    poses = np.arange(n_free, n_free + 6 * problem.frames)
-    board = np.arange(n_free + 6 * problem.frames, problem.unknowns)
-    f = np.array([int(problem.free[: P.FOCAL_LENGTH].sum())])
-    fixed_parts = {
-        "these observations": np.zeros(0, np.int64), "board measured": board,
-        "board on a stage, poses known": poses, "focal length known": f,
-    }  # fmt: skip
-    parameters = [P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]
-    # Errors of these observations are those of the clustered residuals; others are in proportion.
-    stated, rows = np.sqrt(np.diag(covariance))[parameters], []
-    base = None
-    for name, fixed in fixed_parts.items():
-        fitted = np.setdiff1d(np.arange(problem.unknowns), fixed)
-        variance = np.zeros(problem.unknowns)
-        variance[fitted] = np.diag(inverse(matrix[np.ix_(fitted, fitted)]))
-        full = np.zeros(COUNT)
-        full[problem.free] = np.sqrt(np.maximum(variance[:n_free], 0.0))
-        base = full[parameters] if base is None else base
-        rows.append((name, *(stated * full[parameters] / base).tolist()))
-    return tuple(rows)
+    return FixedParts(observations.sensor, observations.lattice, f_number, focus, pivot, first, last, lens)

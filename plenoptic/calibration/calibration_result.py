@@ -96,8 +96,8 @@ class Calibration:
     centre_residual: Floats
     held_out: tuple[HeldOut, ...]
     layout: FixedParts = dataclasses.field(repr=False)
-    error_table: tuple[tuple[str, float, float, float], ...] = dataclasses.field(repr=False)
-    """Standard errors of focal length and distances if something more were known."""
+    error_table: tuple[tuple[str, Floats], ...] = dataclasses.field(repr=False)
+    """Standard errors (14,) of all parameters by these observations, and if others were added or more were known."""
 
     def __getitem__(self, parameter: Parameter) -> float:
         """Value of a parameter."""
@@ -159,13 +159,23 @@ class Calibration:
 
     @property
     def advice(self) -> str:
-        """Table of the errors of focal length and distances if more were known: the board, its poses, or f."""
-        lines = [f"{'':<34}{'f, mm':>10}{'lens-array':>12}{'array-sensor':>14}"]
-        lines += [f"{name:<34}{f:>10.2g}{far:>12.2g}{near:>14.2g}" for name, f, far, near in self.error_table]
+        """Table of the errors that these observations have, and would have with others added or more known.
+
+        Beside focal length and distances it names the parameter that would gain most, with its remaining error.
+        """
+        columns = (P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR)
+        lines = [f"{'':<34}{'f, mm':>10}{'lens-array':>12}{'array-sensor':>14}  gains most"]
+        now = self.error_table[0][1]
+        for name, errors in self.error_table:
+            ratio = np.divide(errors, now, out=np.ones(COUNT), where=(now > 0) & (errors > 0))
+            best = P(int(ratio.argmin()))
+            f, far, near = errors[list(columns)].tolist()
+            gain = f"{best.name} to {100 * ratio[best]:.0f} %" if ratio[best] < 0.995 else ""
+            lines.append(f"{name:<34}{f:>10.2g}{far:>12.2g}{near:>14.2g}  {gain}".rstrip())
         return "\n".join(lines)
 
     def sample(self, n: int, seed: int = 0) -> tuple[PlenopticCamera, ...]:
-        """Cameras drawn from the errors of the calibration, also those of the exit pupil.
+        """Cameras drawn from the errors of the calibration, also those of the exit pupil of a thin lens.
 
         Parameters
         ----------
@@ -182,7 +192,8 @@ class Calibration:
         eigenvalues, axes = np.linalg.eigh(ratio)
         normal = rng.standard_normal((count, COUNT + 1))
         draws = normal[:, :COUNT] * np.sqrt(np.maximum(eigenvalues, 0.0)) @ axes.T * scale
-        draws += normal[:, COUNT:] * self.model_change
+        if self.layout.lens is None:
+            draws += normal[:, COUNT:] * self.model_change
         return tuple(twin_camera(self.values + draw, self.layout) for draw in draws)
 
     _repr_html_ = picture_of

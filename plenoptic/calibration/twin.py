@@ -42,6 +42,8 @@ class FixedParts(NamedTuple):
     first: tuple[int, int]
     """Smallest lattice indices of micro images."""
     last: tuple[int, int]
+    lens: LensStack | None = None
+    """Prescription of the main lens, to be scaled to the focal length; None: a substitute."""
 
     @property
     def basis(self) -> Floats:
@@ -52,9 +54,14 @@ class FixedParts(NamedTuple):
 def twin_camera(parameters: Floats, layout: FixedParts) -> PlenopticCamera:
     """Camera with the parameters of a calibration, which projects points as the calibration does.
 
-    Its lens is THIN if the exit pupil lies in the rear principal plane, otherwise PARAXIAL; distortion is left out.
+    Without a prescription its lens is THIN if the exit pupil lies in the rear principal plane, otherwise PARAXIAL;
+    distortion is left out.
     """
-    lens = substitute_lens(float(parameters[P.FOCAL_LENGTH]), layout.f_number, float(parameters[P.EXIT_PUPIL]))
+    focal_length = float(parameters[P.FOCAL_LENGTH])
+    if layout.lens is None:
+        lens = substitute_lens(focal_length, layout.f_number, float(parameters[P.EXIT_PUPIL]))
+    else:
+        lens = layout.lens.scaled(focal_length=focal_length)
     to_array, to_sensor = float(parameters[P.LENS_TO_ARRAY]), float(parameters[P.ARRAY_TO_SENSOR])
     pivot = np.asarray(layout.pivot, dtype=np.float64) @ layout.basis
     centre = lenslets(parameters, -pivot[None]).centre[0]

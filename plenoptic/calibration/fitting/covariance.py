@@ -169,7 +169,7 @@ def _correct_leverage(score: Floats, group_information: Floats, part: Floats) ->
 
 def pupil_sensitivity(problem: Problem, state: State, at: Evaluation) -> Floats:
     """Change (unknowns,) of the fitted unknowns per mm of the exit pupil's position, which is not fitted."""
-    _, slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch)
+    _, slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch, problem.main_lens)
     by_pupil = slope[:, :, Parameter.EXIT_PUPIL] / problem.sigma[1] * curvature(at.centres)
     mixed = np.zeros(problem.unknowns)
     mixed[: problem.n_free] = np.einsum("mij,mi->j", at.centre_slope, by_pupil)

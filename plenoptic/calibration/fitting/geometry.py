@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.calibration.fitting.traced_lens import TracedLens, exit_pupils, trace_sources
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.placement import rotation_about_axis
 
@@ -102,13 +103,21 @@ def _quarter(axis: int, turn: Floats) -> Floats:
     return np.asarray(np.cross(unit, turn.T).T)
 
 
-def project_centres(parameters: Floats, grid: Floats, pixel_pitch: float) -> tuple[Floats, Floats]:
+def project_centres(
+    parameters: Floats, grid: Floats, pixel_pitch: float, main_lens: TracedLens | None = None
+) -> tuple[Floats, Floats]:
     """Centres of micro images: row and column (m, 2), and derivatives (m, 2, COUNT)."""
     lens = lenslets(parameters, grid)
-    pupil = np.zeros((len(grid), 3))
-    pupil[:, 2] = -parameters[P.EXIT_PUPIL]
+    pupil = np.tile([0.0, 0.0, -parameters[P.EXIT_PUPIL]], (len(grid), 1))
+    if main_lens is not None:
+        distance, by_centre, by_f = exit_pupils(main_lens, parameters[P.FOCAL_LENGTH], lens.centre)
+        pupil[:, 2] = -distance
     hit, slope, by_source = _hits(parameters, lens, pupil)
     slope[:, :, P.EXIT_PUPIL] -= by_source[:, :, 2]
+    if main_lens is not None:
+        moved = np.einsum("nj,njk->nk", by_centre, lens.slope)
+        moved[:, P.FOCAL_LENGTH] += by_f
+        slope -= by_source[:, :, 2:] * moved[:, None, :]
     return _to_pixels(parameters, hit, slope, pixel_pitch)
 
 
@@ -122,13 +131,27 @@ class Corners(NamedTuple):
     """(n, 2, 3)"""
 
 
-def project_corners(parameters: Floats, grid: Floats, points: Floats, pixel_pitch: float) -> Corners:
-    """Project points (n, 3) in the camera's axes through microlenses at lattice positions (n, 2)."""
+def project_corners(
+    parameters: Floats, grid: Floats, points: Floats, pixel_pitch: float, main_lens: TracedLens | None = None
+) -> Corners:
+    """Project points (n, 3) in the camera's axes through microlenses at lattice positions (n, 2).
+
+    A main lens of a prescription takes the place of the thin one, except for rays that it does not pass.
+    """
     lens = lenslets(parameters, grid)
     image, by_point, by_focal_length, by_distortion = _images(parameters, points)
+    by_centre = None
+    if main_lens is not None:
+        traced = trace_sources(main_lens, parameters[P.FOCAL_LENGTH], lens.centre, points)
+        passes, by_centre = traced.passes, np.zeros_like(by_point)
+        image[passes], by_point[passes] = traced.source[passes], traced.by_point[passes]
+        by_focal_length[passes], by_centre[passes] = traced.by_focal_length[passes], traced.by_centre[passes]
+        by_distortion[passes] = 0.0
     hit, slope, by_source = _hits(parameters, lens, image)
-    slope[:, :, P.FOCAL_LENGTH] += np.einsum("nij,nj->ni", by_source, by_focal_length)
+    if by_centre is not None:
+        slope += by_source @ by_centre @ lens.slope
     slope[:, :, P.DISTORTION] += np.einsum("nij,nj->ni", by_source, by_distortion)
+    slope[:, :, P.FOCAL_LENGTH] += np.einsum("nij,nj->ni", by_source, by_focal_length)
     pixel, slope = _to_pixels(parameters, hit, slope, pixel_pitch)
     on_sensor = np.stack([by_source[:, 1], -by_source[:, 0]], axis=1) / pixel_pitch
     return Corners(pixel, slope, on_sensor @ by_point)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.calibration.fitting.geometry import COUNT, Poses, project_centres, project_corners, rotate_points
+from plenoptic.calibration.fitting.traced_lens import TracedLens
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
 
@@ -45,6 +46,8 @@ class Problem(NamedTuple):
     """Standard deviation in mm of a coordinate of a board point; 0: the board is as designed."""
     sigma: tuple[float, float] = (0.7, 0.18)
     """Standard deviation of a coordinate of corners and of centres in pixels."""
+    main_lens: TracedLens | None = None
+    """Prescription of the main lens; None: a thin lens."""
 
     @property
     def frames(self) -> int:
@@ -132,12 +135,14 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
     free, (corner_sigma, centre_sigma) = problem.free, problem.sigma
     arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
     points = arms + state.poses.shift[problem.frame]
-    projection = project_corners(state.parameters, problem.grid, points, problem.pixel_pitch)
+    projection = project_corners(state.parameters, problem.grid, points, problem.pixel_pitch, problem.main_lens)
     slopes = [projection.slope[:, :, free], np.cross(arms[:, None, :], projection.by_point), projection.by_point]
     if problem.board_sigma > 0:
         slopes.append(projection.by_point @ state.poses.turn[problem.frame])
     corners = (projection.pixel - problem.pixel) / corner_sigma
-    middle, middle_slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch)
+    middle, middle_slope = project_centres(
+        state.parameters, problem.centre_grid, problem.pixel_pitch, problem.main_lens
+    )
     centres = (middle - problem.centre_pixel) / centre_sigma
     penalty = np.zeros(problem.unknowns)
     mean, precision = problem.prior.T

@@ -69,18 +69,18 @@ def _bundles(problem: Problem, lattice: ImageLattice, axis: Floats) -> _Bundles:
     return _Bundles(names[used] // points, names[used] % points, slope, image[used] - slope[:, None] * middle[used])
 
 
-def start_state(problem: Problem, focal_length: float) -> State:
+def start_state(problem: Problem, focal_length: float, distances: tuple[float, float] | None = None) -> State:
     """State from which the solver converges.
 
     Of trial distances from lens to array and from array to sensor, those are refined with which the images of the
-    boards, brought back through the lens, are closest to the boards.
+    boards, brought back through the lens, are closest to the boards. Nominal distances leave no trials.
     """
     lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
     shape_axis = 0.5 * (problem.centre_pixel.min(axis=0) + problem.centre_pixel.max(axis=0))
     bundles = _bundles(problem, lattice, shape_axis)
     gaps = np.geomspace(1.0, _LONGEST, _TRIALS) * _pitch(lattice) * problem.pixel_pitch
     arrays = focal_length * (1.0 + np.geomspace(0.01, 1.0, _TRIALS))
-    trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()]
+    trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()] if distances is None else [distances]
     scored = [_poses(problem, bundles, focal_length, *trial) for trial in trials]
     order = np.argsort([score for score, _ in scored], kind="stable")[:_CANDIDATES]
     best, lowest_cost = None, np.inf
