@@ -14,11 +14,9 @@ from plenoptic.core.values import Floats
 
 P = Parameter
 _TILT = math.radians(20.0)
-_NEARER = 0.8
-"""Distance of nearer boards over that of the present ones; none is nearer than 1.5 focal lengths."""
-_LEAST_DISTANCE = 1.5
-_REFOCUS = 0.02
-"""Distance by which the lens moves to the second focus setting, over the focal length."""
+_IMAGE_SHIFT = 0.5
+"""Distance by which nearer boards move their images, and the second focus setting the array, over that from array to
+sensor."""
 
 
 def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tuple[str, Floats], ...]:
@@ -37,8 +35,11 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
     axis = np.where(length > 0, sideways / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0])
     tilted = Poses(rotations(_TILT * axis) @ poses.turn, poses.shift)
     f = state.parameters[P.FOCAL_LENGTH]
-    ratio = np.clip(-_LEAST_DISTANCE * f / poses.shift[:, 2:], _NEARER, 1.0)
-    refocused = state.parameters + _REFOCUS * f * (np.arange(COUNT) == P.LENS_TO_ARRAY)
+    move = _IMAGE_SHIFT * state.parameters[P.ARRAY_TO_SENSOR]
+    depth = -poses.shift[:, 2:]
+    ratio = f / depth / (1.0 - 1.0 / (depth / (depth - f) + move / f))
+    nearer = f"as many, {100 * (1 - np.median(ratio)):.0f} % nearer"
+    refocused = state.parameters - move * (np.arange(COUNT) == P.LENS_TO_ARRAY)
     own_array = np.flatnonzero(np.flatnonzero(problem.free) == P.LENS_TO_ARRAY)
     none = np.zeros(0, dtype=np.int64)
 
@@ -55,9 +56,7 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
         "these observations": (now, none),
         "as many frames again": (2.0 * now - white, none),
         "as many, tilted 20 degrees more": (again(state._replace(poses=tilted)) - white, none),
-        "as many, a fifth nearer": (
-            again(state._replace(poses=poses._replace(shift=ratio * poses.shift))) - white, none
-        ),
+        nearer: (again(state._replace(poses=poses._replace(shift=ratio * poses.shift))) - white, none),
         "all again at a second focus": (again(state._replace(parameters=refocused), own_array), none),
         "a white image at another f-number": (now + white, none),
         "board measured": (now, board),

@@ -33,8 +33,8 @@ _BLOCK = 8.0
 """Side in pitches of the blocks of micro images whose centres form a cluster."""
 _BLOCK_RATIO = 1.6
 """Mean ratio of variances above which neighbouring centres count as correlated."""
-_RATIOS = {1: 1.3, 2: 1.6}
-"""Mean ratios of variances above which clusters are larger; chance gives 1.0 +- 0.05, and 1.0 +- 0.15 for 15 frames."""
+_FLIPS = 199
+"""Random signs of the parts of clusters; clusters count as correlated by chance in one of 200 calibrations."""
 _MIN_FRAMES = 6
 """Least number of frames of which variances between frames can be told."""
 _MAX_LEVERAGE, _JITTER = 0.95, 1e-10
@@ -85,49 +85,82 @@ def clustered_covariance(problem: Problem, at: Evaluation) -> Spread:
     bread = inverse(information(problem, at))
     meat = np.diag(prior_precision(problem))
     meat[:n_free, :n_free] += _centre_products(problem, at)
-    scores, group_information = _cell_sums(cells, at)
     independent = np.zeros_like(meat)
-    pulls = cell_products(cells, at.corner_slope * (weight(at.corners) * at.corners)[:, :, None])
-    np.add.at(independent, (cells.unknowns[:, :, None], cells.unknowns[:, None, :]), pulls)
+    np.add.at(independent, (cells.unknowns[:, :, None], cells.unknowns[:, None, :]), cell_products(cells, _pulls(at)))
     independent *= at.corners.size / max(at.corners.size - problem.unknowns, 1)
-    single = _spread_out(cells, problem, _correct_leverage(scores, group_information, _parts(bread, cells.unknowns)))
-    frames = _frame_scores(problem, cells, bread, scores, group_information)
     best = Spread(bread @ (meat + independent) @ bread, ErrorCluster.CORNER)
-    used = slice(0, n_free)
-    clusters = [(ErrorCluster.BOARD_POINT, single), (ErrorCluster.FRAME, frames)]
+    points = _point_clusters(problem, cells, at, bread)
+    clusters = [(ErrorCluster.BOARD_POINT, points), (ErrorCluster.FRAME, _frame_clusters(problem, cells, at, bread))]
     for cluster, sums in clusters if problem.frames >= _MIN_FRAMES else clusters[:1]:
-        wider = bread @ (meat + sums.T @ sums) @ bread
-        ratio = float(np.trace(inverse(best.covariance[used, used]) @ wider[used, used])) / n_free
-        best = Spread(wider, cluster) if ratio > _RATIOS[cluster] else best
+        if _are_correlated(sums, bread[:n_free], best.covariance[:n_free, :n_free]):
+            scores = np.zeros((len(sums), problem.unknowns))
+            for score, each in zip(scores, sums, strict=True):
+                score[each.unknowns] = each.parts.sum(axis=0)
+            best = Spread(bread @ (meat + scores.T @ scores) @ bread, cluster)
     return best
 
 
-def _parts(matrix: Floats, unknowns: NDArray[np.int64]) -> Floats:
-    return np.asarray(matrix[unknowns[:, :, None], unknowns[:, None, :]])
+class _Cluster(NamedTuple):
+    """Cluster of residuals: derivatives (m, k) of the loss of its parts by the unknowns (k,), with its leverage."""
+
+    unknowns: NDArray[np.int64]
+    parts: Floats
 
 
-def _spread_out(cells: CornerGroups, problem: Problem, scores: Floats) -> Floats:
-    """Scores (c, unknowns) of scores (c, k) of cells."""
-    wide = np.zeros((len(scores), problem.unknowns))
-    np.put_along_axis(wide, cells.unknowns, scores, axis=1)
-    return wide
+def _are_correlated(clusters: list[_Cluster], bread: Floats, covariance: Floats) -> bool:
+    """True if the sums of the clusters' parts are larger than with random signs of the parts.
+
+    They are weighed by their effect on the parameters, in units of the covariance (n, n) of these; the bread (n,
+    unknowns) is the change of the parameters by a derivative of the loss.
+    """
+    scale = 1.0 / np.sqrt(np.diag(covariance))
+    eigenvalues, axes = np.linalg.eigh(covariance * scale[:, None] * scale)
+    used = eigenvalues > _JITTER * eigenvalues[-1]
+    effect = (axes[:, used] / np.sqrt(eigenvalues[used])).T @ (bread * scale[:, None])
+    rng, total = np.random.default_rng(0), np.zeros(_FLIPS + 1)
+    for cluster in clusters:
+        changes = cluster.parts @ effect[:, cluster.unknowns].T
+        signs = np.concatenate([np.ones((1, len(changes))), rng.choice([-1.0, 1.0], (_FLIPS, len(changes)))])
+        total += np.sum((signs @ changes) ** 2, axis=1)
+    return bool(total[0] > total[1:].max())
 
 
-def _frame_scores(
-    problem: Problem, cells: CornerGroups, bread: Floats, scores: Floats, group_information: Floats
-) -> Floats:
-    """Scores (frames, unknowns) of whole frames, corrected for their leverage."""
+def _pulls(at: Evaluation) -> Floats:
+    """Derivatives (n, 2, k) of half the loss of each corner by its unknowns."""
+    return np.asarray(at.corner_slope * (weight(at.corners) * at.corners)[:, :, None])
+
+
+def _cell_information(cells: CornerGroups, at: Evaluation) -> Floats:
+    return cell_products(cells, at.corner_slope * np.sqrt(curvature(at.corners))[:, :, None])
+
+
+def _point_clusters(problem: Problem, cells: CornerGroups, at: Evaluation, bread: Floats) -> list[_Cluster]:
+    """Corners of each board point in each frame."""
+    pulls = _pulls(at)
+    padded = np.concatenate([pulls, np.zeros((1, *pulls.shape[1:]))])
+    parts = padded[cells.rows].reshape(len(cells.rows), -1, pulls.shape[2])
+    covariance = bread[cells.unknowns[:, :, None], cells.unknowns[:, None, :]]
+    parts = _correct_leverage(parts, _cell_information(cells, at), covariance)
+    return [_Cluster(*each) for each in zip(cells.unknowns, parts, strict=True)]
+
+
+def _frame_clusters(problem: Problem, cells: CornerGroups, at: Evaluation, bread: Floats) -> list[_Cluster]:
+    """Board points of each frame."""
+    pulls, information_of_cells = _pulls(at), _cell_information(cells, at)
+    padded = np.concatenate([pulls.sum(axis=1), np.zeros((1, pulls.shape[2]))])
+    scores = padded[cells.rows].sum(axis=1)
     frame = (cells.unknowns[:, problem.n_free] - problem.n_free) // 6
-    wide = np.zeros((problem.frames, problem.unknowns))
+    clusters = []
     for number in range(problem.frames):
         rows = frame == number
         used, place = np.unique(cells.unknowns[rows], return_inverse=True)
         place = place.reshape(int(rows.sum()), -1)
-        score, matrix = np.zeros(len(used)), np.zeros((len(used), len(used)))
-        np.add.at(score, place, scores[rows])
-        np.add.at(matrix, (place[:, :, None], place[:, None, :]), group_information[rows])
-        wide[number, used] = _correct_leverage(score[None], matrix[None], bread[np.ix_(used, used)][None])[0]
-    return wide
+        parts, matrix = np.zeros((len(place), len(used))), np.zeros((len(used), len(used)))
+        np.put_along_axis(parts, place, scores[rows], axis=1)
+        np.add.at(matrix, (place[:, :, None], place[:, None, :]), information_of_cells[rows])
+        corrected = _correct_leverage(parts[None], matrix[None], bread[np.ix_(used, used)][None])
+        clusters.append(_Cluster(used, corrected[0]))
+    return clusters
 
 
 def _centre_products(problem: Problem, at: Evaluation) -> Floats:
@@ -143,15 +176,8 @@ def _centre_products(problem: Problem, at: Evaluation) -> Floats:
     return together if ratio > _BLOCK_RATIO else independent
 
 
-def _cell_sums(cells: CornerGroups, at: Evaluation) -> tuple[Floats, Floats]:
-    """Derivatives (c, k) of the loss of each cell by its unknowns, and its information (c, k, k)."""
-    pulls = np.concatenate([at.corner_slope, (weight(at.corners) * at.corners)[:, :, None]], axis=2)
-    score = cell_products(cells, pulls)[:, :-1, -1]
-    return score, cell_products(cells, at.corner_slope * np.sqrt(curvature(at.corners))[:, :, None])
-
-
 def _correct_leverage(score: Floats, group_information: Floats, part: Floats) -> Floats:
-    """Scores (c, k) of clusters corrected for the leverage of their residuals.
+    """Scores (c, m, k) of parts of clusters corrected for the leverage of their residuals.
 
     With the part V of the covariance and the part M of the information that belong to a cluster, V = L L^T, the score
     s becomes L^-T (1 - L^T M L)^(-1/2) L^T s.
@@ -162,9 +188,9 @@ def _correct_leverage(score: Floats, group_information: Floats, part: Floats) ->
     upper = lower.transpose(0, 2, 1)
     leverage, axes = np.linalg.eigh(upper @ group_information @ lower)
     factor = 1.0 / np.sqrt(1.0 - np.clip(leverage, 0.0, _MAX_LEVERAGE)) - 1.0
-    along = axes.transpose(0, 2, 1) @ upper @ score[:, :, None]
+    along = axes.transpose(0, 2, 1) @ upper @ score.transpose(0, 2, 1)
     extra = np.linalg.solve(upper, axes @ (factor[:, :, None] * along))
-    return np.asarray(score + extra[:, :, 0])
+    return np.asarray(score + extra.transpose(0, 2, 1))
 
 
 def pupil_sensitivity(problem: Problem, state: State, at: Evaluation) -> Floats:
