@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
+from plenoptic.calibration.fitting.advice import error_table
 from plenoptic.calibration.fitting.checks import (
     check_focal_length,
     check_focal_length_error,
@@ -15,7 +16,6 @@ from plenoptic.calibration.fitting.checks import (
     check_poses,
     check_residuals,
 )
-from plenoptic.calibration.fitting.advice import error_table
 from plenoptic.calibration.fitting.covariance import clustered_covariance, pupil_sensitivity
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, rotate_points
 from plenoptic.calibration.fitting.halves import HalfFit, fit_halves
@@ -94,8 +94,8 @@ def calibrate(
 
     Notes
     -----
-    The main lens is thin, or a prescription; the array may be shifted, turned and tilted, and the principal point lies anywhere. The
-    chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro image is the
+    The main lens is thin, or a prescription. The array may be shifted, turned and tilted, and the principal point lies
+    anywhere. The chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro image is the
     image of the exit pupil's centre. Levenberg-Marquardt steps of camera, poses and board minimise the pseudo-Huber
     loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond that (points
     of the board, an array stretched along one side, radial distortion) are accepted if frames that were
@@ -238,11 +238,7 @@ def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
 
 
 def _result(
-    observations: Observations,
-    layout: FixedParts,
-    best: _ModelFit,
-    tests: tuple[HeldOut, ...],
-    pupil_precision: float,
+    observations: Observations, layout: FixedParts, best: _ModelFit, tests: tuple[HeldOut, ...], pupil_precision: float
 ) -> Calibration:
     problem, state, at = best.problem, best.state, best.at
     if problem.main_lens is not None:

@@ -175,12 +175,17 @@ def test_few_frames_are_fitted_without_leaving_any_out():
 def test_what_is_said_of_the_calibration():
     calibration = calibrated()
     assert "FOCAL_LENGTH and LENS_TO_ARRAY" in " ".join(calibration.valleys)
-    errors = {name: numbers for name, *numbers in calibration.error_table}
-    assert errors["these observations"][0] == pytest.approx(calibration.standard_error(P.FOCAL_LENGTH))
-    assert errors["board on a stage, poses known"][0] < 0.5 * errors["these observations"][0]
-    assert (
-        errors["focal length known"][0] == 0 < errors["focal length known"][1] < 0.5 * errors["these observations"][1]
-    )
+    errors = dict(calibration.error_table)
+    now = errors["these observations"]
+    np.testing.assert_allclose(now, np.sqrt(np.diag(calibration.covariance)), rtol=1e-12)
+    np.testing.assert_allclose(errors["as many frames again"][:2], now[:2] / 2**0.5, rtol=0.05)
+    assert errors["board on a stage, poses known"][0] < 0.5 * now[0]
+    assert errors["focal length known"][0] == 0 < errors["focal length known"][1] < 0.5 * now[1]
+    white = errors["a white image at another f-number"]
+    assert (white <= now * (1 + 1e-6)).all() and (white < 0.9 * now).any()
+    assert errors["as many, tilted 20 degrees more"][0] < errors["as many frames again"][0]
+    names = ("nearer", "a second focus", "another f-number", "on a stage", "board measured", "tilted")
+    assert all(name in calibration.advice for name in names) and "FOCAL_LENGTH to " in calibration.advice
     assert "focal_length, mm" in repr(calibration) and "free board left out" in repr(calibration)
     assert pickle.loads(pickle.dumps(calibration)) == calibration
     for level in (0.0, 1.0, "much"):

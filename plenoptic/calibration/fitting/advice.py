@@ -63,8 +63,8 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
         "board on a stage, poses known": (on_stage, none),
         "focal length known": (now, camera[np.flatnonzero(problem.free) == P.FOCAL_LENGTH]),
     }  # fmt: skip
-    stated, rows = np.sqrt(np.diag(covariance)), []
-    base = np.ones(COUNT)
+    stated, base = np.sqrt(np.diag(covariance)), np.ones(COUNT)
+    rows: list[tuple[str, Floats]] = []
     for name, (total, fixed) in proposals.items():
         fitted = np.setdiff1d(np.arange(len(prior)), fixed)
         variance = np.zeros(len(prior))
@@ -91,5 +91,7 @@ def _without_poses(problem: Problem, matrix: Floats, own: NDArray[np.int64] | No
     shared = np.delete(np.arange(len(matrix)), free)
     cross = matrix[np.ix_(shared, free)]
     reduced = np.zeros_like(matrix)
-    reduced[np.ix_(shared, shared)] = matrix[np.ix_(shared, shared)] - cross @ inverse(matrix[np.ix_(free, free)]) @ cross.T
+    reduced[np.ix_(shared, shared)] = (
+        matrix[np.ix_(shared, shared)] - cross @ inverse(matrix[np.ix_(free, free)]) @ cross.T
+    )
     return np.delete(np.delete(reduced, poses, axis=0), poses, axis=1)

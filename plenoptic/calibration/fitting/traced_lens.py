@@ -53,7 +53,7 @@ class Sources(NamedTuple):
     @property
     def passes(self) -> NDArray[np.bool_]:
         """True for rays that the lens passes; the others have nan."""
-        return np.isfinite(self.by_point).all(axis=(1, 2)) & np.isfinite(self.by_centre).all(axis=(1, 2))
+        return np.isfinite(np.concatenate([self.by_point, self.by_centre], axis=1)).all(axis=(1, 2))
 
 
 def trace_lens(lens: LensStack, lens_to_array: float, slope: float) -> TracedLens:
@@ -106,17 +106,18 @@ def trace_sources(lens: TracedLens, focal_length: float, centre: Floats, points:
     miss, _ = _miss(lens.lens, behind, slope, front)
     slope = slope - miss / by_slope[:, None]
     n, steps = len(centre), _STEP * np.eye(2)
-    places = np.concatenate([behind, behind, behind, *(behind + [*step, 0.0] for step in steps * f)])
+    places = np.concatenate([behind, behind, behind, *(behind + np.append(step, 0.0) for step in steps * f)])
     trials = np.concatenate([slope, *(slope + step for step in steps), slope, slope])
-    traced, direction = _miss(lens.lens, places, trials, np.tile(front, (5, 1)))
-    miss, direction = traced[:n], direction[:n]
+    traced, _ = _miss(lens.lens, places, trials, np.tile(front, (5, 1)))
+    miss = traced[:n]
     change = (traced[n:].reshape(4, n, 2) - miss) / _STEP
     turned, moved = change[:2].transpose(1, 2, 0), change[2:].transpose(1, 2, 0) / f
     determinant = turned[:, 0, 0] * turned[:, 1, 1] - turned[:, 0, 1] * turned[:, 1, 0]
     adjugate = np.stack([turned[:, 1, 1], -turned[:, 0, 1], -turned[:, 1, 0], turned[:, 0, 0]], axis=1)
     inverse = adjugate.reshape(n, 2, 2) / determinant[:, None, None]
     slope = slope - np.einsum("nij,nj->ni", inverse, miss)
-    slope = slope - np.einsum("nij,nj->ni", inverse, _miss(lens.lens, behind, slope, front)[0])
+    miss, direction = _miss(lens.lens, behind, slope, front)
+    slope = slope - np.einsum("nij,nj->ni", inverse, miss)
     across = -inverse @ moved
     by_behind = np.concatenate([across, across @ slope[:, :, None]], axis=2)
     by_front = np.concatenate([inverse, -inverse @ direction[:, :, None]], axis=2)
