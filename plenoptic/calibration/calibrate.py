@@ -95,17 +95,17 @@ def calibrate(
     Notes
     -----
     The main lens is thin, or a prescription. The array may be shifted, turned and tilted, and the principal point lies
-    anywhere. The chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro image is the
-    image of the exit pupil's centre. Levenberg-Marquardt steps of camera, poses and board minimise the pseudo-Huber
-    loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond that (points
-    of the board, an array stretched along one side, radial distortion) are accepted if frames that were
+    anywhere. The chief ray of a corner runs from its image by the lens through the microlens; the centre of a micro
+    image is the image of the exit pupil's centre. Levenberg-Marquardt steps of camera, poses and board minimise the
+    pseudo-Huber loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond
+    that (points of the board, an array stretched along one side, radial distortion) are accepted if frames that were
     left out are then predicted better by two standard errors. The twin cannot distort: with distortion asked for,
     `held_out` says so, and the twin is the best camera without it. Signed blur of corners gives the focal lengths of
     the microlenses, also of three types in a hexagonal array (two in a square one).
 
-    Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these are
-    correlated (`ErrorCluster`). Corners and centres hardly tell the exit pupil from the principal plane; its prior
-    widens the intervals.
+    Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these sums
+    are larger than with 199 sets of random signs (`ErrorCluster`). Corners and centres hardly tell the exit pupil from
+    the principal plane; its prior widens the intervals.
 
     Examples
     --------

@@ -264,6 +264,45 @@ def test_observations_that_give_no_camera_are_refused():
     refused(dataclasses.replace(small, point=np.roll(small.point, 300)), "no camera")
 
 
+def test_images_that_do_not_belong_together_are_refused():
+    usual = observed()
+    # The white image of a camera with a finer array, and one that was taken for a board.
+    other = simulated(parameters(PITCH=0.23), boards_of_50mm(DESIGN, 3), DESIGN)
+    white = {"centre_index": other.centre_index, "centre_pixel": other.centre_pixel}
+    refused(dataclasses.replace(usual, **white), "of another camera")
+    swapped = {"centre_index": usual.index[:600], "centre_pixel": usual.pixel[:600]}
+    refused(dataclasses.replace(usual, **swapped), "deviate .* from a lattice")
+    square = dataclasses.replace(usual, lattice=pl.Lattice.SQUARE)
+    refused(square, "turned|another|no camera|lattice")
+
+
+def test_a_calibration_starts_from_a_design():
+    usual = calibrated()
+    design = dataclasses.replace(usual.camera, microlenses_to_sensor=0.9)
+    again = pl.calibrate(observed(), start=design)
+    # The same minimum, to the tolerance of the cost.
+    np.testing.assert_allclose(again.values, usual.values, rtol=0, atol=0.05 * np.sqrt(np.diag(usual.covariance)).max())
+    assert abs(again[P.FOCAL_LENGTH] - usual[P.FOCAL_LENGTH]) < 0.05 * usual.standard_error(P.FOCAL_LENGTH)
+    refused(observed(), "start has no microlenses", start=pl.PlenopticCamera(design.lens, design.sensor, 60.0))
+
+
+def test_a_prescription_takes_the_place_of_the_thin_lens():
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0))
+    usual = calibrated()
+    calibration = pl.calibrate(observed(), start=NOMINAL, lens=lens, board=0.0)
+    twin = calibration.camera
+    assert twin.lens.model is pl.LensModel.EXACT and twin.lens.name == lens.name
+    points = pl.paraxial.cardinal_points(twin.lens)
+    assert points.efl == pytest.approx(calibration[P.FOCAL_LENGTH], rel=1e-9)
+    assert calibration[P.EXIT_PUPIL] == pytest.approx(points.rear_principal - points.exit_pupil, rel=1e-3)
+    # The observations are those of a thin lens, which this one is not.
+    assert usual.corner_rms <= calibration.corner_rms < 1.2 * usual.corner_rms
+    low, high = calibration.interval(P.FOCAL_LENGTH)
+    assert low < parameters()[P.FOCAL_LENGTH] < high
+    assert all(camera.lens.name == lens.name for camera in calibration.sample(2))
+    refused(observed(), "lens is a str", lens="double-gauss-100mm-f2")
+
+
 def test_arguments_are_checked():
     refused(observed(), "start is a float", start=50.0)
     refused(observed(), "board is -1.0", board=-1.0)

@@ -53,7 +53,8 @@ class Sources(NamedTuple):
     @property
     def passes(self) -> NDArray[np.bool_]:
         """True for rays that the lens passes; the others have nan."""
-        return np.isfinite(np.concatenate([self.by_point, self.by_centre], axis=1)).all(axis=(1, 2))
+        finite = np.isfinite(np.concatenate([self.by_point, self.by_centre], axis=1))
+        return np.asarray(finite.all(axis=(1, 2)))
 
 
 def trace_lens(lens: LensStack, lens_to_array: float, slope: float) -> TracedLens:
