@@ -185,7 +185,7 @@ def test_what_is_said_of_the_calibration():
     assert (white <= now * (1 + 1e-6)).all() and (white < 0.9 * now).any()
     assert errors["as many, tilted 20 degrees more"][0] < errors["as many frames again"][0]
     names = ("nearer", "a second focus", "another f-number", "on a stage", "board measured", "tilted")
-    assert all(name in calibration.advice for name in names) and "FOCAL_LENGTH to " in calibration.advice
+    assert all(name in calibration.advice for name in names)
     assert "focal_length, mm" in repr(calibration) and "free board left out" in repr(calibration)
     assert pickle.loads(pickle.dumps(calibration)) == calibration
     for level in (0.0, 1.0, "much"):
@@ -272,8 +272,6 @@ def test_images_that_do_not_belong_together_are_refused():
     refused(dataclasses.replace(usual, **white), "of another camera")
     swapped = {"centre_index": usual.index[:600], "centre_pixel": usual.pixel[:600]}
     refused(dataclasses.replace(usual, **swapped), "deviate .* from a lattice")
-    square = dataclasses.replace(usual, lattice=pl.Lattice.SQUARE)
-    refused(square, "turned|another|no camera|lattice")
 
 
 def test_a_calibration_starts_from_a_design():
@@ -286,25 +284,9 @@ def test_a_calibration_starts_from_a_design():
     refused(observed(), "start has no microlenses", start=pl.PlenopticCamera(design.lens, design.sensor, 60.0))
 
 
-def test_a_prescription_takes_the_place_of_the_thin_lens():
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(8.0))
-    usual = calibrated()
-    calibration = pl.calibrate(observed(), start=NOMINAL, lens=lens, board=0.0)
-    twin = calibration.camera
-    assert twin.lens.model is pl.LensModel.EXACT and twin.lens.name == lens.name
-    points = pl.paraxial.cardinal_points(twin.lens)
-    assert points.efl == pytest.approx(calibration[P.FOCAL_LENGTH], rel=1e-9)
-    assert calibration[P.EXIT_PUPIL] == pytest.approx(points.rear_principal - points.exit_pupil, rel=1e-3)
-    # The observations are those of a thin lens, which this one is not.
-    assert usual.corner_rms <= calibration.corner_rms < 1.2 * usual.corner_rms
-    low, high = calibration.interval(P.FOCAL_LENGTH)
-    assert low < parameters()[P.FOCAL_LENGTH] < high
-    assert all(camera.lens.name == lens.name for camera in calibration.sample(2))
-    refused(observed(), "lens is a str", lens="double-gauss-100mm-f2")
-
-
 def test_arguments_are_checked():
     refused(observed(), "start is a float", start=50.0)
+    refused(observed(), "lens is a str", lens="double-gauss-100mm-f2")
     refused(observed(), "board is -1.0", board=-1.0)
     refused(observed(), "prior of PITCH", priors={P.PITCH: (1.0, 0.0)})
     refused("raw.png", "observations is a str")

@@ -45,3 +45,27 @@ def test_errors_of_many_cameras_are_those_that_are_stated():
     rms = np.sqrt(np.mean(z**2, axis=0))
     assert ((rms > 0.4) & (rms < 1.6)).all(), rms
     assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_prescriptions_give_the_camera_back_and_intervals_hold_it_with_another_lens(seed):
+    distances, bend = CASES[seed]
+    camera = camera_as_built(seed, distances=distances, model=pl.LensModel.EXACT)
+    design, board = board_points(bend, seed)
+    observations = observed(camera, boards_in_view(board, 8, seed), design, noise=NOISE, seed=seed)
+    errors = NOISE[0] * np.random.default_rng(seed).standard_normal(observations.pixel.shape)
+    start = pl.calibration.NominalCamera(100.0, 7.0)
+    for lens in (camera.lens, pl.load_lens("double-gauss-105mm-f1.4")):
+        calibration = pl.calibrate(observations, start=start, lens=lens)
+        twin = calibration.camera.lens
+        points = pl.paraxial.cardinal_points(twin)
+        assert twin.name == lens.name and abs(points.efl - calibration[P.FOCAL_LENGTH]) < 1e-9 * points.efl
+        assert abs(calibration[P.EXIT_PUPIL] - points.rear_principal + points.exit_pupil) < 1e-3
+        off = observations.pixel + calibration.corner_residual - (observations.pixel - errors)
+        assert np.sqrt(np.mean(off**2)) < 0.05
+        truth = true_values(camera, calibration)
+        held = [low < truth[p] < high for p in list(P)[: P.STRETCH] for low, high in [calibration.interval(p)]]
+        assert np.mean(held) > 0.8
+        if lens is camera.lens:
+            assert np.abs(scores(camera, calibration)).max() < 4

@@ -43,14 +43,14 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
     own_array = np.flatnonzero(np.flatnonzero(problem.free) == P.LENS_TO_ARRAY)
     none = np.zeros(0, dtype=np.int64)
 
-    matrix, centres = _unbiased(problem, state)
+    matrix, centres = _information_at(problem, state)
     now, prior = _without_poses(problem, matrix), np.delete(prior_precision(problem), np.arange(n_free, first))
     white = np.zeros_like(now)
     white[:n_free, :n_free] = centres
     on_stage = np.delete(np.delete(matrix, np.arange(n_free, first), axis=0), np.arange(n_free, first), axis=1)
 
     def again(changed: State, own: NDArray[np.int64] = none) -> Floats:
-        return now + _without_poses(problem, _unbiased(problem, changed)[0], own)
+        return now + _without_poses(problem, _information_at(problem, changed)[0], own)
 
     proposals: dict[str, tuple[Floats, NDArray[np.int64]]] = {
         "these observations": (now, none),
@@ -76,7 +76,7 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
     return tuple(rows)
 
 
-def _unbiased(problem: Problem, state: State) -> tuple[Floats, Floats]:
+def _information_at(problem: Problem, state: State) -> tuple[Floats, Floats]:
     """Information of observations that agree with a state, without priors, and the part of the centres."""
     at = evaluate(problem, state)
     at = at._replace(corners=np.zeros_like(at.corners), centres=np.zeros_like(at.centres))

@@ -92,7 +92,7 @@ def clustered_covariance(problem: Problem, at: Evaluation) -> Spread:
     points = _point_clusters(problem, cells, at, bread)
     clusters = [(ErrorCluster.BOARD_POINT, points), (ErrorCluster.FRAME, _frame_clusters(problem, cells, at, bread))]
     for cluster, sums in clusters if problem.frames >= _MIN_FRAMES else clusters[:1]:
-        if _are_correlated(sums, bread[:n_free], best.covariance[:n_free, :n_free]):
+        if _have_correlation(sums, bread[:n_free], best.covariance[:n_free, :n_free]):
             scores = np.zeros((len(sums), problem.unknowns))
             for score, each in zip(scores, sums, strict=True):
                 score[each.unknowns] = each.parts.sum(axis=0)
@@ -107,7 +107,7 @@ class _Cluster(NamedTuple):
     parts: Floats
 
 
-def _are_correlated(clusters: list[_Cluster], bread: Floats, covariance: Floats) -> bool:
+def _have_correlation(clusters: list[_Cluster], bread: Floats, covariance: Floats) -> bool:
     """True if the sums of the clusters' parts are larger than with random signs of the parts.
 
     They are weighed by their effect on the parameters, in units of the covariance (n, n) of these; the bread (n,
