@@ -96,7 +96,7 @@ class Calibration:
     centre_residual: Floats
     held_out: tuple[HeldOut, ...]
     layout: FixedParts = dataclasses.field(repr=False)
-    error_table: tuple[tuple[str, Floats], ...] = dataclasses.field(repr=False)
+    error_table: tuple[tuple[str, tuple[float, ...]], ...] = dataclasses.field(repr=False)
     """Standard errors (14,) of all parameters by these observations, and if others were added or more were known."""
 
     def __getitem__(self, parameter: Parameter) -> float:
@@ -165,8 +165,9 @@ class Calibration:
         """
         columns = (P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR)
         lines = [f"{'':<34}{'f, mm':>10}{'lens-array':>12}{'array-sensor':>14}  gains most"]
-        now = self.error_table[0][1]
-        for name, errors in self.error_table:
+        now = np.array(self.error_table[0][1])
+        for name, row in self.error_table:
+            errors = np.array(row)
             ratio = np.divide(errors, now, out=np.ones(COUNT), where=(now > 0) & (errors > 0))
             best = P(int(ratio.argmin()))
             f, far, near = errors[list(columns)].tolist()

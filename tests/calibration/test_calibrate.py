@@ -175,7 +175,7 @@ def test_few_frames_are_fitted_without_leaving_any_out():
 def test_what_is_said_of_the_calibration():
     calibration = calibrated()
     assert "FOCAL_LENGTH and LENS_TO_ARRAY" in " ".join(calibration.valleys)
-    errors = dict(calibration.error_table)
+    errors = {name: np.array(row) for name, row in calibration.error_table}
     now = errors["these observations"]
     np.testing.assert_allclose(now, np.sqrt(np.diag(calibration.covariance)), rtol=1e-12)
     np.testing.assert_allclose(errors["as many frames again"][:2], now[:2] / 2**0.5, rtol=0.05)

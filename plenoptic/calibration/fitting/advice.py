@@ -19,7 +19,7 @@ _IMAGE_SHIFT = 0.5
 sensor."""
 
 
-def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tuple[str, Floats], ...]:
+def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tuple[str, tuple[float, ...]], ...]:
     """Names of proposals and the standard errors (COUNT,) that all parameters would then have.
 
     New frames show the same corners through the same microlenses, with poses of their own; errors of these
@@ -64,7 +64,7 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
         "focal length known": (now, camera[np.flatnonzero(problem.free) == P.FOCAL_LENGTH]),
     }  # fmt: skip
     stated, base = np.sqrt(np.diag(covariance)), np.ones(COUNT)
-    rows: list[tuple[str, Floats]] = []
+    rows: list[tuple[str, tuple[float, ...]]] = []
     for name, (total, fixed) in proposals.items():
         fitted = np.setdiff1d(np.arange(len(prior)), fixed)
         variance = np.zeros(len(prior))
@@ -72,7 +72,7 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
         error = np.zeros(COUNT)
         error[problem.free] = np.sqrt(np.maximum(variance[:n_free], 0.0))
         base = np.where(error > 0, error, 1.0) if not rows else base
-        rows.append((name, stated * error / base))
+        rows.append((name, tuple((stated * error / base).tolist())))
     return tuple(rows)
 
 
