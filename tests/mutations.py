@@ -40,7 +40,7 @@ plate_front_plane optics/microlens/kernels/plano_convex.py: optics/microlens cam
 - z_front = z_array - (thickness / index if curved_first else 0.0)
 + z_front = z_array - (thickness if curved_first else 0.0)
 pupil_in_a_medium optics/lens/gaussian/paraxial.py: optics/lens/gaussian
-- entrance_pupil = float(z[0]) + over(ambient_index * float(front[0, 1]), float(front[0, 0]))
+- entrance_pupil = float(z[0]) + over(front_index * float(front[0, 1]), float(front[0, 0]))
 + entrance_pupil = float(z[0]) + over(float(front[0, 1]), float(front[0, 0]))
 seidel_distortion optics/lens/analysis/seidel.py: optics/lens/analysis/test_seidel.py optics/lens/analysis
 - + (invariant - a_bar * y) * y_bar * c * inverse_step)

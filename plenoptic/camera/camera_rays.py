@@ -124,6 +124,14 @@ class CameraRays:
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         self._trace_lens(bundle, self.lens, self.waves)
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
+        self._scale_radiance(bundle)
         if self.core is not None:
+            self._scale_radiance(self.core[: bundle.size])
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)
             weights[:, WEIGHT // BLOCK] += core[:, WEIGHT // BLOCK]
+
+    def _scale_radiance(self, bundle: Floats) -> None:
+        """Multiply weights by the ratio of radiances behind the lens and in front, where media differ."""
+        if self._camera.radiance_scale is not None:
+            weights, scale = bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK], self._camera.radiance_scale
+            weights *= scale[0] if self.waves is None else scale[self.waves[: weights.size]].reshape(weights.shape)

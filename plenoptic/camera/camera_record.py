@@ -15,7 +15,9 @@ from plenoptic.camera.sampling.region_bounds import array_bounds, bounds_reason,
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.gaussian.paraxial import outer_indices
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import (
     MICROLENS,
@@ -124,6 +126,9 @@ class CameraRecord(NamedTuple):
     """Weights by which pixels share light; None without diffraction, or if all deflections are drawn."""
     iris: IrisRecord | None
     """None without diffraction at the iris."""
+    radiance_scale: Floats | None
+    """(1,) or (W,): radiance behind the lens over that in front, (n' / n)^2, at the camera's wavelength or at those
+    drawn by paths. None for one medium on both sides."""
 
     @property
     def frame(self) -> Floats | None:
@@ -181,7 +186,16 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         deflection=deflection,
         diffraction_kernel=kernel,
         iris=iris_record(camera, path_wavelengths),
+        radiance_scale=_radiance_scale(lens, (camera.wavelength,) if colour is None else path_wavelengths[1:]),
     )
+
+
+def _radiance_scale(lens: LensStack, wavelengths: tuple[float, ...]) -> Floats | None:
+    """Ratio of radiances behind the lens and in front of it: L / n^2 is constant along a ray."""
+    if lens.front_medium == lens.rear_medium:
+        return None
+    indices = np.array([outer_indices(lens, wavelength) for wavelength in wavelengths])
+    return np.asarray((indices[:, 1] / indices[:, 0]) ** 2)
 
 
 def _sensor_record(camera: PlenopticCamera, parts: Assembly) -> SensorRecord:

@@ -61,7 +61,7 @@ class DeflectionRecord(NamedTuple):
 
     field: FarField
     wavelengths: Floats
-    """(n + 1,): the camera's wavelength, then those drawn by paths, in mm."""
+    """(n + 1,): the camera's wavelength, then those drawn by paths, in mm, in the medium behind the lens."""
     shift: Floats
     """(2,): centre of the sensor, mm."""
     back: Floats
@@ -80,7 +80,7 @@ class IrisRecord(NamedTuple):
 
     field: FarField
     wavelengths: Floats
-    """See `DeflectionRecord`."""
+    """See `DeflectionRecord`; in the medium in front of the lens."""
     z: float
     """Position of the pupil in mm."""
 
@@ -135,8 +135,9 @@ def iris_record(camera: PlenopticCamera, wavelengths: tuple[float, ...]) -> Iris
     if camera.diffraction is None or not camera.diffraction.iris:
         return None
     stop, (z, size) = camera.lens.stop, _entrance_pupil(camera)
+    front_index = np.array([camera.lens.indices(w)[0] for w in wavelengths])
     opening = Opening(stop.outline(_OUTLINE), stop.semi_diameter if is_circle(stop) else math.inf)
-    return IrisRecord(far_field(opening, None, np.eye(2) / size), np.array(wavelengths) * 1e-6, z)
+    return IrisRecord(far_field(opening, None, np.eye(2) / size), np.array(wavelengths) * 1e-6 / front_index, z)
 
 
 def deflection_border(camera: PlenopticCamera) -> int:
@@ -159,9 +160,10 @@ def deflection_record(
     cone, height = paraxial_cone(camera.lens, parts.z_plane, camera.wavelength), parts.distance
     gap = max(array.pitches) * (1.0 + cone.vergence * height) - 2.0 * cone.slope * height
     turn, shift = parts.sensor_to_local.turn[:2, :2], parts.sensor_to_local.shift[:2]
+    rear_index = np.array([camera.lens.indices(w)[-1] for w in wavelengths])
     return DeflectionRecord(
         far_field(array.opening, cell, parts.array_turn),
-        np.array(wavelengths) * 1e-6,
+        np.array(wavelengths) * 1e-6 / rear_index,
         shift.copy(),
         np.asarray(np.linalg.inv(turn), dtype=np.float64) / camera.sensor.pixel_pitch,
         polygon_area(array.opening.corners if cell is None else cell),

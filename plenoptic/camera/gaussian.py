@@ -80,9 +80,9 @@ class Cone(NamedTuple):
 def paraxial_cone(lens: LensStack, z: float, wavelength: float) -> Cone:
     """Cone of light at z on the axis, by the lens's model.
 
-    With y' = A y + B u, u' = C y + D u from the iris to the last element, and the distance t from there to z, the
-    marginal rays from the rim h of the iris have the slope h / (B + t D). The exit pupil is at the distance
-    (B + t D) / D.
+    With y' = A y + B n u, n' u' = C y + D n u from the iris to the last element, and the distance t from there to z,
+    the marginal rays from the rim h of the iris have the slope h / (n' B + t D). The exit pupil is at the distance
+    (n' B + t D) / D.
     """
     if lens.model is LensModel.NONE:
         return Cone(1.0 / z, lens.stop.semi_diameter / z)
@@ -92,7 +92,7 @@ def paraxial_cone(lens: LensStack, z: float, wavelength: float) -> Cone:
         return Cone(1.0 / distance, abs(points.entrance_pupil_semi_diameter / distance))
     last = len(lens.elements) - 1
     (_, b), (_, d) = transfer_matrix(lens, wavelength, lens.iris_index, last).tolist()
-    across = float(lens.indices(wavelength)[0]) * b + (z - float(lens.vertices[-1])) * d
+    across = float(lens.indices(wavelength)[-1]) * b + (z - float(lens.vertices[-1])) * d
     return Cone(d / across, abs(lens.stop.semi_diameter / across))
 
 
@@ -112,7 +112,7 @@ def object_plane(lens: LensStack, z_image: float, wavelength: float) -> float:
     if lens.model is not LensModel.THIN:
         return object_position(lens, z_image, wavelength)
     points = cardinal_points(lens, wavelength)
-    return points.rear_principal - points.efl - over(points.efl**2, z_image - points.rear_focus)
+    return points.rear_principal - points.front_efl - over(points.efl * points.front_efl, z_image - points.rear_focus)
 
 
 def image_plane(lens: LensStack, z_object: float, wavelength: float) -> float:

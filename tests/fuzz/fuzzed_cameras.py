@@ -73,17 +73,17 @@ def a_surface(rnd, scale, thickness, medium, features):
 
 def a_thick_lens(rnd, scale, features):
     """One to three lenses, cemented or not, with a stop anywhere among them."""
-    ambient = pl.optics.AIR if not chance(rnd, 8) else pl.ConstantMedium(uniform(rnd, 1.0, 1.5))
+    front, rear = (pl.optics.AIR if not chance(rnd, 8) else pl.ConstantMedium(uniform(rnd, 1.0, 1.5)) for _ in range(2))
     elements = []
     for _ in range(rnd.randint(1, 3)):
-        for medium in [a_medium(rnd) for _ in range(rnd.randint(1, 2))] + [ambient]:
+        for medium in [a_medium(rnd) for _ in range(rnd.randint(1, 2))] + [rear]:
             gap = 0.0 if chance(rnd, 10) else length(rnd, 0.1 * scale)
             elements.append(a_surface(rnd, scale, gap, medium, features))
     semi_diameter = length(rnd, 0.2 * scale)
     stop = a_stop(rnd, semi_diameter, length(rnd, 0.1 * scale), masked=Glass.MASKED in features)
-    place = rnd.choice([i for i in range(len(elements) + 1) if not i or elements[i - 1].medium == ambient])
+    place = rnd.choice([i for i in range(len(elements) + 1) if not i or elements[i - 1].medium == rear])
     elements.insert(place, stop)
-    lens = pl.LensStack(elements, iris=place, ambient=ambient)
+    lens = pl.LensStack(elements, iris=place, front_medium=front, rear_medium=rear)
     if Glass.MOVED in features:
         for _ in range(rnd.randint(1, 2)):
             first = rnd.randrange(len(elements))

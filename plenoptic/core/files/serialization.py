@@ -44,7 +44,7 @@ _DTYPES = (
 )
 
 _RENAMED_MEMBERS = {("Caustics", "KEPT"): "INCLUDE", ("Caustics", "LEFT_OUT"): "EXCLUDE"}
-_RENAMED_FIELDS = {("Surface", "departure"): "freeform"}
+_RENAMED_FIELDS = {("Surface", "departure"): ("freeform",), ("LensStack", "ambient"): ("front_medium", "rear_medium")}
 """Present names of enum members, and of fields, that older files contain."""
 
 
@@ -136,7 +136,11 @@ def _from_tree(tree: Any) -> Any:
         raise ValueError(f"{name!r} is no {kind} of this package")
     if kind == "enum":
         return cls[_RENAMED_MEMBERS.get((name, argument), argument)]  # type: ignore[index]
-    arguments = {_RENAMED_FIELDS.get((name, field), field): _from_tree(item) for field, item in argument.items()}
+    arguments = {
+        present: _from_tree(item)
+        for field, item in argument.items()
+        for present in _RENAMED_FIELDS.get((name, field), (field,))
+    }
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
     if unknown := sorted(arguments.keys() - fields):
         raise ValueError(f"a {name} has no {', '.join(unknown)[:200]}; it has {', '.join(fields)}")

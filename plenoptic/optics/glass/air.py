@@ -102,7 +102,8 @@ class Air:
 
     All other indices of this package, those of glass catalogues above all, are relative to air at standard conditions;
     in such a lens air is `AIR`, whose index is 1. To describe a lens in real air or in vacuum use absolute indices
-    throughout: glasses as `Absolute(glass)`, and the gaps as `Air(...)` or `VACUUM`, which then is the `ambient`, too.
+    throughout: glasses as `Absolute(glass)`, and the gaps as `Air(...)` or `VACUUM`, which then are the
+    `front_medium` and the `rear_medium`, too.
 
     Parameters
     ----------

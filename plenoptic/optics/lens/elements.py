@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Sequence
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.stops.stop_registry import STOPS, Stop, circle_around, stop_kind
 from plenoptic.optics.surfaces.mirror import Mirror, medium_behind
 from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
 
 Element: TypeAlias = Surface | Stop
 """Element of a lens: a surface or a stop."""
@@ -32,6 +35,11 @@ def with_round_stops(elements: Sequence[Element]) -> list[Element]:
     return [e if isinstance(e, Surface) or stop_kind(e).fills_outline else circle_around(e) for e in elements]
 
 
+def is_glass(lens: LensStack, gap: int) -> bool:
+    """True if a gap of a lens holds neither air nor the medium in front of it or behind it."""
+    return lens.gap_media[gap] not in (lens.front_medium, lens.rear_medium, AIR)
+
+
 _ROUNDING = 1e-12
 """Relative rounding error of a sum of thicknesses."""
 
@@ -45,9 +53,10 @@ def check_count(elements: int) -> None:
         raise PrescriptionError(f"there are {elements} surfaces and stops; a lens has at most {MOST_ELEMENTS}")
 
 
-def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Element, ...]:
+def checked_elements(elements: Sequence[Element], front: Medium, rear: Medium) -> tuple[Element, ...]:
     """Check a sequence of elements and return it as a tuple, with the last thickness set to 0."""
-    check_medium(ambient, "ambient")
+    check_medium(front, "front_medium")
+    check_medium(rear, "rear_medium")
     try:
         stack = tuple(elements)
     except TypeError:
@@ -70,15 +79,14 @@ def checked_elements(elements: Sequence[Element], ambient: Medium) -> tuple[Elem
             f"the lens has {len(stack)} surfaces and no stop; add one, such as a CircularStop, for the iris"
         )
     _check_order(stack)
-    behind = ambient
+    behind = front
     for element in stack:
         behind = medium_behind(element.medium, behind) if isinstance(element, Surface) else behind
-    if behind != ambient:
-        surroundings = (
-            "air: its medium must be pl.optics.AIR" if ambient == AIR else f"{ambient!r}: give it that medium"
-        )
+    if behind != rear:
+        surroundings = "air: its medium must be pl.optics.AIR" if rear == AIR else f"{rear!r}: give it that medium"
         raise PrescriptionError(
-            f"element {surfaces[-1]}, the last surface, is followed by {behind!r}; the sensor is in {surroundings}"
+            f"element {surfaces[-1]}, the last surface, is followed by {behind!r}; the sensor is in {surroundings}, or "
+            "name its medium as rear_medium"
         )
     # The gap behind the last element belongs to the camera.
     return (*stack[:-1], dataclasses.replace(stack[-1], thickness=0.0))

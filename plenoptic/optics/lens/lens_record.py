@@ -25,7 +25,7 @@ ROW = np.dtype(
     [
         ("kind", np.int64),
         ("z", np.float64),  # vertex in mm
-        ("curvature", np.float64),  # 1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length
+        ("curvature", np.float64),  # 1 / radius in 1/mm, 0 for planes and stops; IDEAL: 1 / focal length behind it
         ("index_ratio", np.float64),  # before over behind, in the direction of travel; at the first of wavelengths
         ("semi_diameter2", np.float64),  # mm^2
         # Largest c (1 + k) z of a point of the surface: 1 is the equator, inf no limit; IDEAL: distance in mm from the
@@ -79,7 +79,8 @@ class LensRecord(NamedTuple):
     masks: Floats | None
     """MASK_HEAD numbers for each element, then the cells of all masks, row by row; None without masks."""
     index_ratios: Floats | None
-    """(n, wavelengths) ratios of indices; IDEAL: the power over that at the first wavelength. None: one wavelength."""
+    """(n, wavelengths) ratios of indices; IDEAL: the power over that at the first wavelength, whose ratio of
+    indices all have. None: one wavelength."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
 
@@ -221,7 +222,15 @@ def _ideal_rows(lens: LensStack, wavelength: float, *, reverse: bool) -> list[El
     rear, iris = points.rear_principal, lens.iris_index
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
-    ideal = ElementRow(IDEAL, curvature=1.0 / points.efl, max_depth=leaves - arrives, z=arrives, surface_index=iris)
+    behind_it, ahead = (points.front_efl, points.efl) if reverse else (points.efl, points.front_efl)
+    ideal = ElementRow(
+        IDEAL,
+        curvature=1.0 / behind_it,
+        index_ratio=ahead / behind_it,
+        max_depth=leaves - arrives,
+        z=arrives,
+        surface_index=iris,
+    )
     stop_seen, z_stop, behind = ideal_stop_image(lens, wavelength)
     stop = stop_seen.row()._replace(z=z_stop, surface_index=iris)
     return [ideal, stop] if behind else [stop, ideal]

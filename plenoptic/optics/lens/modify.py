@@ -12,7 +12,7 @@ import numpy as np
 
 from plenoptic.core.values import finite, number
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.lens.elements import Element, check_one_space
+from plenoptic.optics.lens.elements import Element, check_one_space, is_glass
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
 from plenoptic.optics.lens.specification import Specification
@@ -55,7 +55,7 @@ def insert_stop(lens: LensStack, stop: Stop, z: float) -> LensStack:
     """`LensStack.inserted`."""
     z_stop, ends = finite(z, "z"), [-np.inf, *lens.vertices.tolist(), np.inf]
     gaps = [i for i, (low, high) in enumerate(pairwise(ends)) if low <= z_stop <= high]
-    in_air = [i for i in gaps if lens.gap_media[i] == lens.ambient]
+    in_air = [i for i in gaps if not is_glass(lens, i)]
     if not in_air:
         low, high = ends[gaps[0]], ends[gaps[0] + 1]
         raise PrescriptionError(

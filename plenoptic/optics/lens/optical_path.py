@@ -11,7 +11,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind, positions
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import PathWorkspace
-from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, outer_indices
 from plenoptic.optics.lens.lens_record import lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
@@ -81,18 +81,19 @@ def optical_path(
 def _ideal(lens: LensStack, rays: RayBundle, point: Floats, *, reverse: bool) -> tuple[RayBundle, Floats]:
     """Paths of an ideal lens: from the point to its image, all equal that of the ray through the principal points."""
     behind = trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays)
-    index = float(lens.indices(rays.wavelength)[0])
+    indices = outer_indices(lens, rays.wavelength)
     check_from(rays, point, np.abs(lens.vertices).max() + 1.0)
     if lens.model is LensModel.NONE:
-        return behind, index * ((behind.origin - rays.origin) * rays.direction).sum(axis=1)
+        return behind, indices[0] * ((behind.origin - rays.origin) * rays.direction).sum(axis=1)
     points, direction = cardinal_points(lens, rays.wavelength), -1.0 if reverse else 1.0
     rear = points.rear_principal
     front = rear if lens.model is LensModel.THIN else points.front_principal
     arrives, leaves = (rear, front) if reverse else (front, rear)
-    if direction * (arrives - point[2]) == points.efl:
+    focal_length = points.efl if reverse else points.front_efl
+    if direction * (arrives - point[2]) == focal_length:
         raise InvalidValueError(f"the point is in the focal plane, z = {point[2]:g} mm, and has no image; move it")
-    planes = IdealPlanes(np.array([0.0, 0.0, arrives]), np.array([0.0, 0.0, leaves]), 1.0 / points.efl, direction)
-    return behind, index * paths_to_image(rays, behind, point, planes)
+    planes = IdealPlanes(np.array([0.0, 0.0, arrives]), np.array([0.0, 0.0, leaves]), 1.0 / focal_length, direction)
+    return behind, paths_to_image(rays, behind, point, planes, indices[::-1] if reverse else indices)
 
 
 class IdealPlanes(NamedTuple):
@@ -103,23 +104,30 @@ class IdealPlanes(NamedTuple):
     rear: Floats
     """(3,) or (n, 3), mm: the second principal point in the direction of travel."""
     power: float | Floats
-    """Power in 1/mm; a number or (n,)."""
+    """Inverse of the focal length before the lens in 1/mm; a number or (n,)."""
     direction: float
     """Direction of travel along z: 1 or -1."""
 
 
-def paths_to_image(rays: RayBundle, behind: RayBundle, point: Floats, lenses: IdealPlanes) -> Floats:
-    """Paths (n,) of rays from a point, mm; up to its image all equal the path through the principal points."""
+def paths_to_image(
+    rays: RayBundle, behind: RayBundle, point: Floats, lenses: IdealPlanes, indices: tuple[float, float] = (1.0, 1.0)
+) -> Floats:
+    """Paths (n,) of rays from a point, mm; up to its image all equal the path through the principal points.
+
+    `indices` are those of the media before and behind the lens.
+    """
+    before, after = indices
     away = point - lenses.front
     distance = -lenses.direction * away[..., 2]
     scale = 1.0 / (1.0 - distance * lenses.power)
-    image_distance = -distance * scale
+    image_distance = -(after / before) * distance * scale
     image = np.stack([scale * away[..., 0], scale * away[..., 1], lenses.direction * image_distance], axis=-1)
     lengths = np.copysign(np.linalg.norm(away, axis=-1), distance)
-    whole = lengths + np.copysign(np.linalg.norm(image, axis=-1), image_distance)
+    whole = before * lengths + after * np.copysign(np.linalg.norm(image, axis=-1), image_distance)
     between = lenses.direction * (lenses.rear - lenses.front)[..., 2]
     left = ((image + lenses.rear - behind.origin) * behind.direction).sum(axis=1)
-    return np.asarray(whole + between - left - ((rays.origin - point) * rays.direction).sum(axis=1))
+    start = ((rays.origin - point) * rays.direction).sum(axis=1)
+    return np.asarray(whole + before * between - after * left - before * start)
 
 
 def check_from(rays: RayBundle, point: Floats, extent: float) -> None:

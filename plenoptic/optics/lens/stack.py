@@ -15,7 +15,7 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, profile_of
+from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, is_glass, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.stop_registry import Stop
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 class LensStack:
     """A lens: surfaces and stops in the order of the light path from the scene.
 
-    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Scene and
-    sensor are in the same medium, mostly air. Lenses are equal when all their fields are.
+    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Lenses are equal
+    when all their fields are.
 
     Parameters
     ----------
@@ -46,9 +46,10 @@ class LensStack:
         Name for messages and figures.
     source : str, optional
         Source of the prescription: patent, book and page.
-    ambient : Medium, optional
-        Medium before the first surface and behind the last one; keyword only. AIR means that all indices are relative
-        to air, as in glass catalogues. For a lens in vacuum, or in real air with absolute indices, see `Absolute`.
+    front_medium, rear_medium : Medium, optional
+        Medium of the scene, before the first surface, and that of the sensor, behind the last one; keyword only. AIR
+        means that all indices are relative to air, as in glass catalogues. For a lens in vacuum, or in real air with
+        absolute indices, see `Absolute`.
     model : LensModel, optional
         Model of ray tracing; keyword only. EXACT traces every surface.
     specification : Specification, optional
@@ -57,8 +58,8 @@ class LensStack:
     Raises
     ------
     PrescriptionError
-        If there is no surface or no stop, `iris` is no stop, the length is not finite, or the last medium is not
-        `ambient`.
+        If there is no surface or no stop, `iris` is no stop, the length is not finite, the last medium is not
+        `rear_medium`, or the media around LensModel.NONE differ.
 
     Examples
     --------
@@ -76,7 +77,8 @@ class LensStack:
     iris: int | None = None
     name: str = ""
     source: str = ""
-    ambient: Medium = dataclasses.field(default=AIR, kw_only=True)
+    front_medium: Medium = dataclasses.field(default=AIR, kw_only=True)
+    rear_medium: Medium = dataclasses.field(default=AIR, kw_only=True)
     model: LensModel = dataclasses.field(default=LensModel.EXACT, kw_only=True)
     specification: Specification | None = dataclasses.field(default=None, kw_only=True)
 
@@ -84,7 +86,9 @@ class LensStack:
         set_field(self, "model", choice(self.model, LensModel, "model"))
         if self.specification is not None:
             check_kind(self.specification, "specification", Specification, "that of another lens, or leave it out")
-        set_field(self, "elements", checked_elements(self.elements, self.ambient))
+        set_field(self, "elements", checked_elements(self.elements, self.front_medium, self.rear_medium))
+        if self.model is LensModel.NONE and self.front_medium != self.rear_medium:
+            raise PrescriptionError("the model is NONE, which refracts no light between two media: choose another one")
         stops = [i for i, element in enumerate(self.elements) if not isinstance(element, Surface)]
         iris = stops[0] if self.iris is None else whole(self.iris, "iris", at_least=0)
         if iris not in stops:
@@ -121,7 +125,7 @@ class LensStack:
     @property
     def gap_media(self) -> tuple[Medium, ...]:
         """Medium before the first element and behind each element, n + 1 in all."""
-        media: list[Medium] = [self.ambient]
+        media: list[Medium] = [self.front_medium]
         for element in self.elements:
             media.append(medium_behind(element.medium, media[-1]) if isinstance(element, Surface) else media[-1])
         return tuple(media)
@@ -275,7 +279,7 @@ class LensStack:
     def glasses(self) -> tuple[tuple[int, int], ...]:
         """Pairs of surfaces (indices in `elements`) with glass between them."""
         surfaces = [i for i, element in enumerate(self.elements) if isinstance(element, Surface)]
-        return tuple((i, j) for i, j in pairwise(surfaces) if self.gap_media[i + 1] != self.ambient)
+        return tuple((i, j) for i, j in pairwise(surfaces) if is_glass(self, i + 1))
 
     def __repr__(self) -> str:
         surfaces = sum(isinstance(element, Surface) for element in self.elements)

@@ -38,7 +38,7 @@ def front_focus(lens: LensStack, wavelength: float = 587.6) -> float:
     """Position z in mm of the front focus by the lens's model; objects in front of it have a real image."""
     _require_image(lens)
     points = cardinal_points(lens, wavelength)
-    return points.rear_principal - points.efl if lens.model is LensModel.THIN else points.front_focus
+    return points.rear_principal - points.front_efl if lens.model is LensModel.THIN else points.front_focus
 
 
 def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) -> float:
@@ -54,10 +54,10 @@ def paraxial_focus(lens: LensStack, z_object: float, wavelength: float = 587.6) 
     if math.isinf(z_object):
         return points.rear_focus
     distance = points.rear_principal - z_object
-    if distance == points.efl:
+    if distance == points.front_efl:
         return math.inf
     # Newton's form of the imaging equation, without a difference of reciprocals.
-    return points.rear_focus + points.efl**2 / (distance - points.efl)
+    return points.rear_focus + points.efl * points.front_efl / (distance - points.front_efl)
 
 
 def imaged_point(
@@ -87,7 +87,7 @@ def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: f
     if lens.model is LensModel.THIN:
         # THIN has its iris in the plane of the lens, with the size of the entrance pupil.
         reach = abs(paraxial_focus(lens, z_object, wavelength) - points.rear_principal)
-        return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[0]))
+        return reach / (2.0 * points.entrance_pupil_semi_diameter * float(lens.indices(wavelength)[-1]))
     try:
         f_number = paraxial.working_f_number(lens, z_object, wavelength)
     except InvalidValueError:

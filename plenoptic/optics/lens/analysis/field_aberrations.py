@@ -181,7 +181,7 @@ def distortion(
                 f"fields reach {np.max(np.abs(radii)):g} rad, which has no RECTILINEAR image; stay below pi / 2 or use "
                 "Projection.EQUIDISTANT"
             )
-        heights = -ideal.height(cardinal_points(lens, wavelength).efl, radii)
+        heights = -ideal.height(cardinal_points(lens, wavelength).front_efl, radii)
     out = trace_past_rims(lens, chief_rays(lens, radii, z_object, wavelength))
     return Distortion(radii, out.at_z(z_image)[:, 1], heights, ideal, z_image, z_object)
 

@@ -17,7 +17,7 @@ from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import D_LINE, Medium, abbe_number
 from plenoptic.optics.lens.checks.finding import Finding, FindingKind, Findings
 from plenoptic.optics.lens.checks.rays import condition_findings, ray_findings
-from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.elements import Element, is_glass
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.stack import LensStack
@@ -76,7 +76,7 @@ def _edges(lens: LensStack) -> Iterator[Finding]:
     """Neighbouring surfaces that cross, and lenses with thin edges."""
     z = lens.vertices
     for (i, front), (j, rear) in pairwise(_surfaces(lens)):
-        between = "air" if lens.gap_media[i + 1] == lens.ambient else "glass"
+        between = "glass" if is_glass(lens, i + 1) else "air"
         if front.from_behind.placement != rear.placement:
             continue  # tested by _collisions
         gap = float(z[j] - z[i])

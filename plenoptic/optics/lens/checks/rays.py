@@ -90,7 +90,7 @@ def _passing_rays(lens: LensStack, angle: Floats, heights: int, wavelength: floa
 def _axial_beam(lens: LensStack, wavelength: float) -> tuple[RayBundle | None, str]:
     """Rays on one side of the axis, from the axis outwards, and the name of their origin."""
     points, z = cardinal_points(lens, wavelength), lens.vertices
-    heights, _ = basis_rays(lens.elements, ambient=lens.ambient, wavelength=wavelength)
+    heights, _ = basis_rays(lens.elements, front_medium=lens.front_medium, wavelength=wavelength)
     from_focus = points.bfl <= 0 < points.efl and points.front_focus != z[0]
     index = float(lens.indices(wavelength)[0])
     distance = float(z[0]) - points.front_focus

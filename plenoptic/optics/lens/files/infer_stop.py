@@ -18,14 +18,14 @@ from plenoptic.optics.surfaces.surface import Surface
 
 
 def basis_rays(
-    elements: Sequence[Element], *, ambient: Medium = AIR, wavelength: float = D_LINE
+    elements: Sequence[Element], *, front_medium: Medium = AIR, wavelength: float = D_LINE
 ) -> tuple[Floats, Floats]:
     """Heights (n, 2) at all elements of two paraxial rays, and (2, 2) their last heights and reduced angles behind.
 
     At the first element they have height 1 and angle 0, and height 0 and reduced angle (angle times index) 1.
     """
     height, angle = np.array([1.0, 0.0]), np.array([0.0, 1.0])
-    index, heights = ambient.index(wavelength), []
+    index, heights = front_medium.index(wavelength), []
     for element in elements:
         heights.append(height)
         if isinstance(element, Surface):

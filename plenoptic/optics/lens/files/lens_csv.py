@@ -40,7 +40,7 @@ def lens_from_csv(text: str, where: str) -> LensStack:
     with name_line_in_errors(where, rows[-1][0]):
         if surfaces and len(surfaces) == len(elements):
             elements, source = with_inferred_stop(surfaces), f"{where}; stop placed by rule"
-        lens = LensStack(elements, None, where.rpartition(".")[0], source)
+        lens = LensStack(elements, None, where.rpartition(".")[0], source, rear_medium=before)
     return lens
 
 
@@ -72,10 +72,6 @@ def _element(line: str, *, before: Medium, last: bool) -> Element:
     radius, thickness, material, index, abbe, semi_diameter = cells
     gap = parse_number(thickness, "thickness")
     medium = _medium(material, index, abbe)
-    if last and medium_behind(medium, before) != AIR:
-        raise PrescriptionError(
-            f"the last material is {material[:40]!r}; the sensor is in air: it must be air, or empty"
-        )
     size, gap = parse_number(semi_diameter, "sa"), 0.0 if last else gap
     if not radius and before == medium == AIR:
         return CircularStop(size, gap)

@@ -1,9 +1,9 @@
 """The package's own lens files: JSON with one element per line.
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
-Defaults are omitted: `ambient`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`, `blade_radius` and
-`placement` are optional. Stops are circle, polygon, star, mask or ring; the `transmission` of a mask is a list of its
-rows. A medium is one of
+Defaults are omitted: `front_medium`, `rear_medium`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`,
+`blade_radius` and `placement` are optional. Stops are circle, polygon, star, mask or ring; the `transmission` of a mask
+is a list of its rows. A medium is one of
 
     "air"
     "mirror"               reflecting surface; one that folds the axis is given by its fields
@@ -36,6 +36,7 @@ from plenoptic.optics.surfaces.mirror import MIRROR
 from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
+_MEDIA = ("front_medium", "rear_medium")
 _UNREADABLE = (FileError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Errors of constructors, which validate all numbers of a file."""
 _NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
@@ -68,8 +69,9 @@ def json_of_lens(lens: LensStack) -> str:
     <BLANKLINE>
     """
     head: dict[str, Any] = {"format": _FORMAT, "name": lens.name, "source": lens.source, "iris": lens.iris_index}
-    if lens.ambient != AIR:
-        head["ambient"] = _medium_to_json(lens.ambient, "around the lens")
+    for name in _MEDIA:
+        if getattr(lens, name) != AIR:
+            head[name] = _medium_to_json(getattr(lens, name), f"named as {name}")
     if lens.model is not LensModel.EXACT:
         head["model"] = lens.model.name
     if lens.specification is not None:
@@ -86,7 +88,10 @@ def lens_from_json(text: str, where: str) -> LensStack:
     except (ValueError, RecursionError) as error:
         raise PrescriptionError(f"{where} is not JSON: {error}; correct it there") from None
     try:
-        head = _fields(data, "the file", "format name source iris elements", "ambient model specification")
+        head = _fields(
+            data, "the file", "format name source iris elements", f"{' '.join(_MEDIA)} ambient model specification"
+        )
+        both = head.get("ambient", "air")  # earlier versions had one medium on both sides
         if head["format"] != _FORMAT:
             raise PrescriptionError(f"format is {head['format']!r:.40}; it must be {_FORMAT!r}")
         for name, kind, expected in (("name", str, "text"), ("source", str, "text"), ("elements", list, "list")):
@@ -98,7 +103,7 @@ def lens_from_json(text: str, where: str) -> LensStack:
             head["iris"],
             head["name"],
             head["source"],
-            ambient=_medium_from_json(head.get("ambient", "air")),
+            **{name: _medium_from_json(head.get(name, both)) for name in _MEDIA},
             model=_model(head.get("model", "EXACT")),
             specification=from_tree(head.get("specification")),
         )

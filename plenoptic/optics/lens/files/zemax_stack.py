@@ -19,6 +19,7 @@ from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.files.infer_stop import basis_rays, with_inferred_stop
 from plenoptic.optics.lens.files.zemax_rims import ray_heights
 from plenoptic.optics.lens.files.zemax_system import Aperture, System
+from plenoptic.optics.lens.gaussian.matrices import over
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.specification import Specification, StopSize
 from plenoptic.optics.lens.stack import LensStack
@@ -99,14 +100,15 @@ def lens_of_rows(
         raise _error(where, flagged[1], "STOP", f"surface {flagged[1].number} is a second STOP; a lens has one")
     if flagged and flagged[0] in (rows[0], rows[-1]):
         raise _error(where, flagged[0], "STOP", "the object or the image is the STOP; it must lie between them")
-    ambient = rows[0].medium
-    rows = _with_glued_sensor(rows, where)
+    front_medium = rear_medium = rows[0].medium
+    for row in rows[1:-1]:
+        rear_medium = medium_behind(row.medium, rear_medium) if row.turn is None else rear_medium
     if rows[0].gap >= _INFINITE:
         rows = [rows[0]._replace(gap=math.inf), *rows[1:]]
     # A surface with its vertex behind the nominal one has a longer gap in front and a shorter one behind.
     offsets = [row.offset for row in rows] + [0.0]
     rows = [row._replace(gap=row.gap + (offsets[i + 1] - offsets[i])) for i, row in enumerate(rows)]
-    pieces, distance, behind = _pieces(rows, ambient, where)
+    pieces, distance, behind = _pieces(rows, front_medium, where)
     if not pieces:
         raise _error(where, rows[-2], "SURF", "there is no surface and no stop; a lens needs both")
     stop = next((piece for piece in pieces if piece.row.is_stop), None)
@@ -115,56 +117,34 @@ def lens_of_rows(
         aperture = None
     beam = None
     try:
-        beam = _ParaxialBeam.of(pieces, system, distance, ambient)
+        beam = _ParaxialBeam.of(pieces, system, distance, front_medium, rear_medium)
     except InvalidValueError as error:
         if aperture is not None or not all(piece.size_is_known for piece in pieces):
             raise _error(where, rows[1], "SURF", f"at the primary wavelength, {error}") from None
     if beam is not None:
         behind = beam.to_image if system.is_focused and beam.leaving else behind
-        pieces = _with_sizes(pieces, system, aperture, beam, ambient, where)
+        pieces = _with_sizes(pieces, system, aperture, beam, where)
     elements = [piece.element for piece in pieces]
     surfaces = [element for element in elements if isinstance(element, Surface)]
     iris = None if stop is None else next(i for i, piece in enumerate(pieces) if piece.row is stop.row)
     with name_line_in_errors(where, rows[-2].lines["SURF"]):
-        if iris is None and surfaces and len(surfaces) == len(elements) and ambient == AIR:
+        if iris is None and surfaces and len(surfaces) == len(elements) and front_medium == AIR:
             elements, source = with_inferred_stop(surfaces), f"{source}; stop placed by rule"
         elif iris is None and surfaces:
             raise PrescriptionError("no surface is the STOP; mark one")
-        lens = LensStack(elements, iris, name, source, ambient=ambient)
+        lens = LensStack(elements, iris, name, source, front_medium=front_medium, rear_medium=rear_medium)
         specification = _specification(lens, stop and stop.row, system, beam, (distance, behind), rows[-1])
     return dataclasses.replace(lens, specification=specification)
-
-
-def _with_glued_sensor(rows: list[Row], where: str) -> list[Row]:
-    """Rows with the face of a sensor that is glued to the last glass of a lens in air: the refraction in the image
-    moves no ray there.
-    """
-    behind = rows[0].medium
-    for row in rows[1:-1]:
-        behind = medium_behind(row.medium, behind) if row.turn is None else behind
-    last, image = rows[-2], rows[-1]
-    if behind == rows[0].medium:
-        return rows
-    if rows[0].medium != AIR:
-        message = (
-            f"the object is in {rows[0].medium!r} and the image in {behind!r}; lenses with a medium in front "
-            "only, such as water before an underwater camera, cannot be modelled: remove this line for the lens in air"
-        )
-        raise _error(where, rows[0], "GLAS", message)
-    known = last.aperture if last.aperture is not None else last.diameter
-    size = _BEYOND * max(known, image.diameter) if known else 0.0
-    face = Row(image.number, image.lines, image.curvature, diameter=size, placement=image.placement)
-    return [*rows[:-1], face, image]
 
 
 def _error(where: str, row: Row, keyword: str, message: str) -> PrescriptionError:
     return PrescriptionError(f"{where}, line {row.lines.get(keyword, row.lines['SURF'])}: {message}")
 
 
-def _pieces(rows: list[Row], ambient: Medium, where: str) -> tuple[list[_Piece], float, float]:
+def _pieces(rows: list[Row], front_medium: Medium, where: str) -> tuple[list[_Piece], float, float]:
     """Elements, and the distances in mm from the object to the first of them and from the last to the image."""
     kinds: list[tuple[Row, _As, float]] = []  # row, kind of element, gap
-    before, distance = ambient, rows[0].gap
+    before, distance = front_medium, rows[0].gap
     for row in rows[1:-1]:
         refracts, gap = row.medium != before, row.gap
         if row.obscured > 0:
@@ -237,39 +217,51 @@ class _ParaxialBeam(NamedTuple):
     leaving: float
     """Reduced angle behind the lens of the marginal ray."""
     stop: int | None
-    medium_index: float
+    front_medium: Medium
+    rear_medium: Medium
+    front_index: float
+    rear_index: float
     distance: float
-    focal_length: float
+    power: float
+    """1/mm."""
     pupil: float
     """Distance from the first element to the entrance pupil; inf or nan if there is none."""
     marginal: Floats
     """Marginal ray up to a factor."""
 
     @classmethod
-    def of(cls, pieces: list[_Piece], system: System, distance: float, ambient: Medium) -> _ParaxialBeam:
+    def of(
+        cls, pieces: list[_Piece], system: System, distance: float, front_medium: Medium, rear_medium: Medium
+    ) -> _ParaxialBeam:
         """Beam through the elements, regardless of their sizes."""
         wavelength = system.wavelengths[0]
         with np.errstate(all="ignore"):  # an overflow gives a semi-diameter that is refused
-            heights, leaving = basis_rays([piece.element for piece in pieces], ambient=ambient, wavelength=wavelength)
+            elements = [piece.element for piece in pieces]
+            heights, leaving = basis_rays(elements, front_medium=front_medium, wavelength=wavelength)
             stop = next((i for i, piece in enumerate(pieces) if piece.row.is_stop), None)
-            index = float(ambient.index(wavelength))
+            index, rear_index = float(front_medium.index(wavelength)), float(rear_medium.index(wavelength))
             a, b = heights[stop].tolist() if stop is not None else (0.0, 0.0)
-            focal_length = float(-1.0 / leaving[1, 0]) if leaving[1, 0] != 0 else math.inf
             marginal = np.array([1.0, 0.0]) if math.isinf(distance) else np.array([distance, index])
             pupil = index * b / a if a != 0 else math.inf
-            return cls(heights, float(leaving[1] @ marginal), stop, index, distance, focal_length, pupil, marginal)
+            media, power = (front_medium, rear_medium, index, rear_index), -float(leaving[1, 0])
+            return cls(heights, float(leaving[1] @ marginal), stop, *media, distance, power, pupil, marginal)
+
+    @property
+    def front_focal_length(self) -> float:
+        """Focal length in the front medium in mm; inf for an afocal lens."""
+        return over(self.front_index, self.power)
 
     @property
     def at_pupil(self) -> float:
         """Height of the marginal ray in the entrance pupil."""
         if not math.isfinite(self.pupil):
             raise PrescriptionError("the entrance pupil is at infinity")
-        return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.medium_index))
+        return float(abs(self.marginal[0] + self.marginal[1] * self.pupil / self.front_index))
 
     @property
     def to_image(self) -> float:
         """Distance from the last element to the paraxial image; `leaving` is not 0."""
-        return -self.medium_index * float(self.heights[-1] @ self.marginal) / self.leaving
+        return -self.rear_index * float(self.heights[-1] @ self.marginal) / self.leaving
 
     def factor(self, aperture: Aperture) -> float:
         """Factor that scales the marginal ray to a system aperture."""
@@ -279,7 +271,7 @@ class _ParaxialBeam(NamedTuple):
         if keyword == "OBNA":
             if math.isinf(self.distance):
                 raise PrescriptionError("the object is at infinity and has no numerical aperture")
-            sine = math.sin(math.radians(min(size, 90.0))) if is_other else size / self.medium_index
+            sine = math.sin(math.radians(min(size, 90.0))) if is_other else size / self.front_index
             if sine >= 1:
                 raise PrescriptionError("it must be below that of a half space")
             return sine / math.sqrt(1.0 - sine * sine)
@@ -296,12 +288,12 @@ class _ParaxialBeam(NamedTuple):
         if aperture.keyword == "ENPD":
             return aperture.size
         if aperture.keyword == "FNUM" and not aperture.is_other:
-            return abs(self.focal_length) / aperture.size
+            return over(1.0 / aperture.size, abs(self.power))
         return 2.0 * self.factor(aperture) * self.at_pupil
 
 
 def _with_sizes(
-    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, ambient: Medium, where: str
+    pieces: list[_Piece], system: System, aperture: Aperture | None, beam: _ParaxialBeam, where: str
 ) -> list[_Piece]:
     """Fill missing semi-diameters from the beam, and that of the stop from the system aperture, if there is one."""
     scale = 0.0
@@ -329,7 +321,7 @@ def _with_sizes(
             scale = pieces[beam.stop].element.semi_diameter / at_stop if at_stop else math.inf
         if not math.isfinite(beam.pupil):
             raise PrescriptionError("the entrance pupil is at infinity; give it")
-        slopes = system.chief_slopes(beam.distance, beam.pupil, beam.focal_length)
+        slopes = system.chief_slopes(beam.distance, beam.pupil, beam.front_focal_length)
     except InvalidValueError as error:
         if all(isinstance(piece.element, RingStop) for piece in unknown):
             # Discs on planes without refraction stop no light outside.
@@ -337,12 +329,13 @@ def _with_sizes(
             return [piece if piece.size_is_known else _resize(piece, largest, where) for piece in pieces]
         row = unknown[0].row
         raise _error(where, row, "DIAM", f"surface {row.number} has no semi-diameter (DIAM): {error}") from None
-    chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.medium_index])
+    chief = float(np.hypot(*slopes.T).max()) * np.array([-beam.pupil, beam.front_index])
     with np.errstate(all="ignore"):
         sizes = np.abs(beam.heights @ beam.marginal) * scale + np.abs(beam.heights @ chief)
     paraxial = [_with_size(piece, float(size), where) for piece, size in zip(pieces, sizes, strict=True)]
     try:
-        lens = LensStack([piece.element for piece in paraxial], beam.stop, ambient=ambient)
+        elements = [piece.element for piece in paraxial]
+        lens = LensStack(elements, beam.stop, front_medium=beam.front_medium, rear_medium=beam.rear_medium)
     except InvalidValueError:
         return paraxial
     real = ray_heights(lens, slopes, beam.pupil, scale * beam.at_pupil, beam.distance, system.wavelengths[0])
@@ -380,7 +373,7 @@ def _specification(
     aperture, diameter, fields = system.aperture, None, np.zeros((0, 2))
     if beam is not None:
         with contextlib.suppress(PrescriptionError), np.errstate(all="ignore"):
-            points = system.object_points(beam.distance, beam.pupil, beam.focal_length)
+            points = system.object_points(beam.distance, beam.pupil, beam.front_focal_length)
             fields = points if np.isfinite(points).all() else fields
         if aperture is not None and aperture.size > 0:
             with contextlib.suppress(PrescriptionError):

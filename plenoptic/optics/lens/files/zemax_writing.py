@@ -26,10 +26,6 @@ def zmx_of_lens(lens: LensStack) -> bytes:
     bundled glass of its name, to 1e-6 at the lines F, d and C, is written by name. Any other is written as a model
     glass of its n_d and V_d.
     """
-    if lens.ambient != AIR:
-        raise PrescriptionError(
-            f"the lens is in {lens.ambient!r}; only lenses in air can be written as .zmx: use .json"
-        )
     points = cardinal_points(lens)
     last = float(lens.vertices[-1])
     to_image = points.rear_focus - last if math.isfinite(points.rear_focus) else 0.0
@@ -37,6 +33,7 @@ def zmx_of_lens(lens: LensStack) -> bytes:
     lines += ["FLOA", "FTYP 0 0 1 3 0 0 0", "XFLN 0.0", "YFLN 0.0"]
     lines += [f"WAVM {i} {wave / 1e3!r} 1" for i, wave in enumerate((F_LINE, D_LINE, C_LINE), start=1)]
     lines += ["PWAV 2", "SURF 0", "  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]
+    lines += [f"  {line}" for line in _glass_lines(lens.front_medium, -1)]
     for i, element in enumerate(lens.elements):
         gap = element.thickness if i < len(lens.elements) - 1 else to_image
         lines.append(f"SURF {i + 1}")

@@ -1,9 +1,9 @@
 """Gaussian optics of a lens: focal length, cardinal points, pupils, conjugates, numerical apertures.
 
 All quantities follow from the ray transfer matrix for height and reduced angle (y, n u) of a paraxial ray. Positions
-are z in the lens frame: mm, z = 0 at the iris, light towards +z. Scene and sensor are in the same medium,
-`lens.ambient`, so the nodal points are the principal points. Aspheres have their vertex curvature. Decentred and tilted
-elements count as centred. `lens.model` has no effect.
+are z in the lens frame: mm, z = 0 at the iris, light towards +z. The scene is in a medium of index n,
+`lens.front_medium`, the sensor in one of index n', `lens.rear_medium`. Aspheres have their vertex curvature. Decentred
+and tilted elements count as centred. `lens.model` has no effect.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
 
 _LONGEST = len("entrance_pupil_semi_diameter")
+_UNITS = {"pupil_magnification": "", "f_number": "", "power": " 1/mm"}
 
 
 @value
@@ -32,14 +33,22 @@ class CardinalPoints:
     Attributes
     ----------
     efl : float
-        Effective focal length in the ambient medium, mm, positive for a converging lens; inf for an afocal one.
+        Effective focal length f' in the rear medium, mm, from the rear principal plane to the rear focus: positive for
+        a converging lens, inf for an afocal one. In media of index n and n' it is n' / `power`.
+    front_efl : float
+        Focal length f in the front medium, mm, from the front focus to the front principal plane: n / `power`.
+    power : float
+        Power in 1/mm: n' / f' = n / f; 0 for an afocal lens. Its inverse is the focal length in air of some programs.
     bfl, ffl : float
         Back and front focal length, mm: z of the rear focus minus z of the last surface, and z of the front focus
         minus z of the first surface. A camera lens mostly has bfl > 0 and ffl < 0.
     front_focus, rear_focus : float
         z of the focal points, mm. An afocal lens has -inf and inf.
     front_principal, rear_principal : float
-        z of the principal planes, mm, which are the nodal planes too. An afocal lens has -inf and inf.
+        z of the principal planes, mm. An afocal lens has -inf and inf.
+    front_nodal, rear_nodal : float
+        z of the nodal points, mm: a ray towards the front one leaves from the rear one in its own direction. With one
+        medium on both sides they are the principal points.
     entrance_pupil, exit_pupil : float
         z of the images of the iris through the elements before and behind it, mm; inf for a telecentric lens.
     entrance_pupil_semi_diameter, exit_pupil_semi_diameter : float
@@ -47,18 +56,22 @@ class CardinalPoints:
     pupil_magnification : float
         Exit pupil over *iris* (not over entrance pupil); negative if the exit pupil is inverted.
     f_number : float
-        Absolute focal length over the diameter of the entrance pupil: for an object at infinity.
+        Absolute `efl` over the diameter of the entrance pupil: for an object at infinity.
     wavelength : float
         nm.
     """
 
     efl: float
+    front_efl: float
+    power: float
     bfl: float
     ffl: float
     front_focus: float
     rear_focus: float
     front_principal: float
     rear_principal: float
+    front_nodal: float
+    rear_nodal: float
     entrance_pupil: float
     exit_pupil: float
     entrance_pupil_semi_diameter: float
@@ -71,7 +84,7 @@ class CardinalPoints:
         lines = [f"CardinalPoints at {self.wavelength:g} nm"]
         for field in dataclasses.fields(self):
             if field.name != "wavelength":
-                unit = "" if field.name in ("pupil_magnification", "f_number") else " mm"
+                unit = _UNITS.get(field.name, " mm")
                 lines.append(f"  {field.name:<{_LONGEST}} {getattr(self, field.name):>12.6g}{unit}")
         return "\n".join(lines)
 
@@ -79,8 +92,9 @@ class CardinalPoints:
 def system_matrix(lens: LensStack, wavelength: float = 587.6) -> Floats:
     """Ray transfer matrix [[A, B], [C, D]] from the vertex of the first surface to that of the last.
 
-    It maps (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. With the same
-    medium on both sides, the determinant is 1 and C is -1 / efl. Entries within rounding error of 0 are exactly 0.
+    It maps (height in mm, angle in radians) of a paraxial ray in front of the lens to those behind it. C is -1 / efl,
+    and the determinant is n / n', the ratio of the indices in front and behind. Entries within rounding error of 0 are
+    exactly 0.
 
     Parameters
     ----------
@@ -98,9 +112,15 @@ def system_matrix(lens: LensStack, wavelength: float = 587.6) -> Floats:
     1.0
     """
     first, last = end_surfaces(lens)
-    ambient_index = float(lens.indices(wavelength)[0])
+    front_index, rear_index = outer_indices(lens, wavelength)
     ((a, b), (c, d)) = transfer_matrix(lens, wavelength, first, last).tolist()
-    return np.array([[a, b * ambient_index], [c / ambient_index, d]])
+    return np.array([[a, b * front_index], [c / rear_index, d * (front_index / rear_index)]])
+
+
+def outer_indices(lens: LensStack, wavelength: float) -> tuple[float, float]:
+    """Refractive indices in front of the lens and behind it."""
+    indices = lens.indices(wavelength)
+    return float(indices[0]), float(indices[-1])
 
 
 def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoints:
@@ -132,27 +152,32 @@ def cardinal_points(lens: LensStack, wavelength: float = 587.6) -> CardinalPoint
     z = lens.vertices
     ((a, _), (c, d)) = system_matrix(lens, wavelength).tolist()
     focal = c != 0
+    front_index, rear_index = outer_indices(lens, wavelength)
     efl = -1.0 / c if focal else math.inf
+    front_efl = efl * (front_index / rear_index)
     bfl, ffl = (-a / c, d / c) if focal else (math.inf, -math.inf)
     front_focus, rear_focus = float(z[first]) + ffl, float(z[last]) + bfl
 
     # Images of the iris, at z = 0, by the elements before it and behind it.
     front = transfer_matrix(lens, wavelength, 0, lens.iris_index)
     rear = transfer_matrix(lens, wavelength, lens.iris_index, len(z) - 1)
-    ambient_index = float(lens.indices(wavelength)[0])
-    entrance_pupil = float(z[0]) + over(ambient_index * float(front[0, 1]), float(front[0, 0]))
-    exit_pupil = float(z[-1]) + over(-ambient_index * float(rear[0, 1]), float(rear[1, 1]))
+    entrance_pupil = float(z[0]) + over(front_index * float(front[0, 1]), float(front[0, 0]))
+    exit_pupil = float(z[-1]) + over(-rear_index * float(rear[0, 1]), float(rear[1, 1]))
     magnification = over(1.0, float(rear[1, 1]))
     semi_diameter = lens.stop.semi_diameter
     entrance_semi_diameter = abs(over(semi_diameter, float(front[0, 0])))
     return CardinalPoints(
         efl=efl,
+        front_efl=front_efl,
+        power=rear_index / efl,
         bfl=bfl,
         ffl=ffl,
         front_focus=front_focus,
         rear_focus=rear_focus,
-        front_principal=front_focus + efl if focal else -math.inf,
+        front_principal=front_focus + front_efl if focal else -math.inf,
         rear_principal=rear_focus - efl if focal else math.inf,
+        front_nodal=front_focus + efl if focal else -math.inf,
+        rear_nodal=rear_focus - front_efl if focal else math.inf,
         entrance_pupil=entrance_pupil,
         exit_pupil=exit_pupil,
         entrance_pupil_semi_diameter=entrance_semi_diameter,
@@ -237,10 +262,12 @@ def magnification(lens: LensStack, z_object: float, wavelength: float = 587.6) -
     """
     first, _ = end_surfaces(lens)
     c, d = system_matrix(lens, wavelength)[1].tolist()
+    front_index, rear_index = outer_indices(lens, wavelength)
+    determinant = front_index / rear_index
     distance = float(lens.vertices[first]) - position(z_object, "z_object")
     if math.isinf(distance):
-        return 0.0 if c != 0 else 1.0 / d
-    return over(1.0, without_rounding(c * distance + d, c * distance, d))
+        return 0.0 if c != 0 else determinant / d
+    return over(determinant, without_rounding(c * distance + d, c * distance, d))
 
 
 def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6) -> tuple[float, float]:
@@ -265,7 +292,7 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
 
     References
     ----------
-    E. Hecht, Optics, 5th ed., section 5.2.3: object f / m from the front focus, image -f m from the rear one.
+    E. Hecht, Optics, 5th ed., section 5.2.3: object f / m from the front focus, image -f' m from the rear one.
 
     Examples
     --------
@@ -285,9 +312,9 @@ def conjugates(lens: LensStack, magnification: float, wavelength: float = 587.6)
             f"the lens {lens.name!r} is afocal, so its magnification is {a:g} for all planes; "
             "choose planes with image_position"
         )
-    ambient_index = float(lens.indices(wavelength)[0])
-    # 1 / m = C x / n + D with the distance x before the lens, m = A + C x' / n behind it.
-    before, behind = ambient_index * (1.0 / m - d) / c, ambient_index * (m - a) / c
+    front_index, rear_index = outer_indices(lens, wavelength)
+    # 1 / m = C x / n + D with the distance x before the lens, m = A + C x' / n' behind it.
+    before, behind = front_index * (1.0 / m - d) / c, rear_index * (m - a) / c
     return float(lens.vertices[first]) - before, float(lens.vertices[last]) + behind
 
 
@@ -331,7 +358,7 @@ def image_side_aperture(lens: LensStack, marginal: ParaxialRay, wavelength: floa
 def working_f_number(lens: LensStack, z_object: float = -math.inf, wavelength: float = 587.6) -> float:
     """Working f-number 1 / (2 NA'), with the paraxial numerical aperture NA' in image space; see `numerical_apertures`.
 
-    In air and for an object at infinity it is the f-number; inf if the emerging light is collimated.
+    For a sensor in air and an object at infinity it is the f-number; inf if the emerging light is collimated.
 
     Examples
     --------

@@ -19,17 +19,19 @@ def to_plane(ray):
 
 
 @device
-def refract_ideal(ray, power, relative_powers, separation):
-    """Refract rays by an aberration-free thick lens: the slope changes by minus height times power.
+def refract_ideal(ray, power, index_ratio, relative_powers, separation):
+    """Refract rays by an aberration-free thick lens: the slope times `index_ratio`, minus height times power.
 
-    `power` is in 1/mm, `separation` of the principal planes in mm. `relative_powers` (BLOCK,) are the power for each
+    `index_ratio` is the index before over that behind the lens, `power` the inverse of the focal length behind it in
+    1/mm, `separation` that of the principal planes in mm. `relative_powers` (BLOCK,) are the power for each
     ray over `power`; None if all are 1.
     """
     to_plane(ray)
+    inverse_ratio = 1.0 / index_ratio
     for i in range(BLOCK):
         ray_power = power if relative_powers is None else power * relative_powers[i]
         # Slopes are per unit of travel along the axis, in either direction.
-        ahead = abs(ray[N + i])
+        ahead = abs(ray[N + i]) * inverse_ratio
         u = ray[L + i] / ahead - ray[X + i] * ray_power
         v = ray[M + i] / ahead - ray[Y + i] * ray_power
         cos = 1.0 / math.sqrt(1.0 + u * u + v * v)

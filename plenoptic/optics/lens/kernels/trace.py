@@ -110,7 +110,7 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
             c, mu = row.curvature, row.index_ratio
             refract_sphere(ray, c, mu, index_ratios, row.semi_diameter2, row.max_depth, s, code)
         elif row.kind == IDEAL:
-            refract_ideal(ray, row.curvature, index_ratios, row.max_depth)
+            refract_ideal(ray, row.curvature, row.index_ratio, index_ratios, row.max_depth)
         elif row.kind != CONIC and row.kind != ASPHERE and row.kind != FREEFORM:
             to_plane(ray)
             clip_circle(ray, row.semi_diameter2, code)

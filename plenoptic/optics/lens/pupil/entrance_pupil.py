@@ -216,8 +216,8 @@ def _ideal_opening(lens: LensRecord, point: Floats) -> tuple[Floats, float]:
         gap = float(row["z"]) - z
         a, b, z = a + gap * c, b + gap * d, float(row["z"])
         if row["kind"] == IDEAL:
-            power = float(row["curvature"])
-            c, d, z = c - power * a, d - power * b, z + float(row["max_depth"])
+            power, ratio = float(row["curvature"]), float(row["index_ratio"])
+            c, d, z = ratio * c - power * a, ratio * d - power * b, z + float(row["max_depth"])
         else:
             # If the image of the stop lies at the point itself, all light passes, or none.
             radius = math.sqrt(float(row["semi_diameter2"]))

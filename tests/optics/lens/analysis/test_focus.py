@@ -104,7 +104,7 @@ def test_the_working_f_number_of_telecentric_lenses_and_in_any_medium():
         dataclasses.replace(e, medium=ConstantMedium(1.33 * e.medium.index(587.6))) if isinstance(e, Surface) else e
         for e in GAUSS.elements
     ]
-    wet = LensStack(elements, ambient=ConstantMedium(1.33))
+    wet = LensStack(elements, front_medium=ConstantMedium(1.33), rear_medium=ConstantMedium(1.33))
     for z in (-math.inf, -404.0):
         _, aperture = paraxial.numerical_apertures(wet, z)
         assert working_f_number(wet, z) == pytest.approx(1 / (2 * aperture), rel=1e-12)

@@ -26,7 +26,7 @@ IN_WATER = pl.LensStack(
     [pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
      pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0), pl.CircularStop(4.0, thickness=5.0),
      pl.Surface(-60.0, 4.0, GLASS, semi_diameter=14.0), pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0)],
-    name="in water", ambient=WATER,
+    name="in water", front_medium=WATER, rear_medium=WATER,
 )  # fmt: skip
 CASSEGRAIN = pl.LensStack(
     [pl.CircularStop(50.0), pl.Surface(-400.0, 140.0, pl.optics.MIRROR, semi_diameter=52.0, conic=-1.0),

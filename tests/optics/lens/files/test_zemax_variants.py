@@ -187,17 +187,15 @@ def test_files_may_begin_with_surface_1(tmp_path, first, shift):
 def test_a_sensor_may_be_glued_to_the_last_glass(tmp_path, gap, index):
     lens = load(tmp_path, "STOP; DISZ 1; DIAM 2", LENS[0].format(blank(1.5)), "CURV -0.02; DISZ 30; DIAM 6",
                 f"DISZ {gap}; DIAM 6; {blank(index)}", "DIAM 5")  # fmt: skip
-    assert lens.elements[-1] == Surface(math.inf, semi_diameter=1.1 * 6.0)
-    assert lens.gap_media[-1] == AIR and lens.specification.z_image == pytest.approx(35.0 + gap)
+    assert lens.rear_medium.index(587.6) == pytest.approx(index) and lens.front_medium == AIR
+    assert lens.specification.z_image == pytest.approx(35.0 + gap)
     # A paraxial ray of height y meets the sensor where it does inside the glass.
     y, u = 1e-3, -0.5 * 0.02 * 1e-3
     y += 4.0 * u / 1.5
     u += -0.5 * 0.02 * y
     y += 30.0 * u + gap * u / index
     ray = lens.trace(RayBundle([[0.0, 1e-3, -1.0]], [[0.0, 0.0, 1.0]]))
-    assert ray.at_z(float(lens.vertices[-1]))[0, 1] == pytest.approx(y, rel=1e-6)
-    with pytest.raises(PrescriptionError, match="line 11: the object is in .*1.33.* and the image"):
-        load(tmp_path, "STOP; CURV 0.1; DIAM 2; DISZ 1", "", first=f"{FAR}; {blank(1.33)}")
+    assert ray.at_z(lens.specification.z_image)[0, 1] == pytest.approx(y, rel=1e-6)
 
 
 TERMS, PARMS = "XDAT 1 3; XDAT 2 2.0; XDAT 3 0; XDAT 4 -0.016; XDAT 5 0.0064", "PARM 2 -0.001; PARM 3 0.0001"

@@ -21,7 +21,7 @@ IN_WATER = pl.LensStack(
     [pl.Surface(60.0, 6.0, pl.ConstantMedium(1.9), semi_diameter=14.0, conic=-0.7),
      pl.Surface(-300.0, 9.0, WATER, semi_diameter=14.0, aspheric=(1e-3, 1e-6)), pl.CircularStop(4.0, thickness=5.0),
      pl.Surface(-60.0, 4.0, pl.ConstantMedium(1.6), semi_diameter=14.0),
-     pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0)], name="in water", ambient=WATER,
+     pl.Surface(-50.0, 0.0, WATER, semi_diameter=14.0)], name="in water", front_medium=WATER, rear_medium=WATER,
 )  # fmt: skip
 LENSES = [*map(pl.load_lens, pl.lens_names()), IN_WATER]
 pytestmark = pytest.mark.filterwarnings("error")
@@ -237,7 +237,7 @@ def test_the_thick_lens_in_a_medium(n0, n, r1, r2, d):
     assume(abs(power) > 1e-6 and abs(m - 1) > 1e-3)
     lens = pl.LensStack(
         [pl.CircularStop(1.0), pl.Surface(r1, d, pl.ConstantMedium(n), semi_diameter=5.0),
-         pl.Surface(r2, 0.0, around, semi_diameter=5.0)], ambient=around
+         pl.Surface(r2, 0.0, around, semi_diameter=5.0)], front_medium=around, rear_medium=around
     )  # fmt: skip
     points, f = paraxial.cardinal_points(lens), 1 / power
     close = {"rel": 1e-9, "abs": 1e-9 * abs(f)}
