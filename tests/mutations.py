@@ -42,6 +42,15 @@ plate_front_plane optics/microlens/kernels/plano_convex.py: optics/microlens cam
 pupil_in_a_medium optics/lens/gaussian/paraxial.py: optics/lens/gaussian
 - entrance_pupil = float(z[0]) + over(front_index * float(front[0, 1]), float(front[0, 0]))
 + entrance_pupil = float(z[0]) + over(float(front[0, 1]), float(front[0, 0]))
+nodal_points_as_principal_points optics/lens/gaussian/paraxial.py: optics/lens/test_two_media.py
+- front_nodal=front_focus + efl if focal else -math.inf,
++ front_nodal=front_focus + front_efl if focal else -math.inf,
+ideal_lens_in_one_medium optics/lens/lens_record.py: optics/lens/test_two_media.py
+- index_ratio=ahead / behind_it,
++ index_ratio=behind_it / ahead,
+radiance_over_squared_index camera/camera_record.py: camera/test_two_media.py
+- (indices[:, 1] / indices[:, 0]) ** 2
++ (indices[:, 0] / indices[:, 1]) ** 2
 seidel_distortion optics/lens/analysis/seidel.py: optics/lens/analysis/test_seidel.py optics/lens/analysis
 - + (invariant - a_bar * y) * y_bar * c * inverse_step)
 + + (invariant + a_bar * y) * y_bar * c * inverse_step)

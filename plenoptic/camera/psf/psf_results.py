@@ -155,7 +155,8 @@ class LandingPoints:
     position : (m, 2) array
         x and y on the sensor, in its own axes, of the rays that reach it, mm.
     weight : (m,) array
-        Projected solid angle of each ray at the point, sr; with ideal lenses or microlenses that on the sensor, see
+        Projected solid angle of each ray at the point, sr; with ideal lenses or microlenses that on the sensor
+        times (n' / n)^2, see
         `point_spread`. Reduced by dust, masks, opaque microlenses and the pixel's angular response, down to 0.
     source : (m,) array of int
         Index of the point from which each ray comes.

@@ -9,7 +9,7 @@ class LensModel(enum.IntEnum):
     """Model of the main lens; `LensStack.with_model` chooses it.
 
     - NONE: the stops alone, without glass.
-    - THIN: one plane with the lens's focal length, in its rear principal point. It has the iris in it with the size of
+    - THIN: one plane with the lens's focal lengths, in its rear principal point. It has the iris in it with the size of
       the entrance pupil, hence the same f-number. Both principal planes coincide, which shifts the scene by their
       distance.
     - PARAXIAL: an ideal thick lens. Rays enter at the front principal plane, leave from the rear one at the same

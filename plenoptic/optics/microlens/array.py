@@ -57,15 +57,16 @@ class MicrolensArray:
         Distance between nearest neighbours in mm; RECTANGULAR: along x and y. FREE: largest extent of a cell from its
         centre along x and y.
     focal_lengths : tuple of float
-        Focal length of each type of microlens in mm, at 587.6 nm; positive for convex lenses, and in the models THIN
-        and PINHOLE also negative.
+        Focal length of each type of microlens in mm, in the medium behind the main lens, at 587.6 nm. Positive for
+        convex lenses, and in the models THIN and PINHOLE also negative.
     lattice : Lattice
     model : MicrolensModel
         PINHOLE, THIN, or one of the plates FLAT_HIGH_INDEX and SPHERICAL with the fields below.
     thickness : float
         Plates: axial thickness in mm, from the vertex of the curved side to the flat side.
     index : float
-        Plates: refractive index at 587.6 nm; the radius of curvature is f (index - 1). FLAT_HIGH_INDEX: at least 10.
+        Plates: refractive index at 587.6 nm, relative to that medium. The radius of curvature is f (index - 1).
+        FLAT_HIGH_INDEX: at least 10.
     convex_side : ConvexSide
         Plates: direction in which the curved side faces.
     pattern : (p, q) array of int, optional

@@ -188,8 +188,8 @@ class RelativeIllumination:
     heights : (n,) array
         y in mm of the image points, the intersections of the chief rays with the image plane.
     projected_solid_angle : (n,) array
-        Projected solid angle in sr of all rays from the scene to the image point: the irradiance at radiance 1, and the
-        value of the white image.
+        Projected solid angle in sr of all rays from the scene to the image point. Times (n' / n)^2, with the indices
+        behind the lens and in front, it is the irradiance at radiance 1 and the value of the white image.
     relative : (n,) array
         Projected solid angle relative to that on the axis; nan if the axis is dark.
     standard_error : (n,) array

@@ -58,8 +58,8 @@ def load_lens(
     - `.csv`: a table with the columns `radius;thickness;material;index;v-no;sa`, mm, one row per element from the scene
       to the sensor. An empty radius is a plane, and a plane with air on both sides is a stop: the first is the iris. An
       empty material is air. A row with index and V-number is a `ModelGlass`, one with an index only a `ConstantMedium`,
-      one with neither a glass of `glass_names`. The thickness of the last row, the distance to the image, is not part
-      of the lens.
+      one with neither a glass of `glass_names`. The last material is the medium of the sensor; its thickness, the
+      distance to the image, is not part of the lens.
 
     A file without a stop gets a round one by a rule, which is noted in `source` and need not be the designer's choice.
     The stop lies in the middle of the longest air gap between two surfaces, or at the first vertex if there is none.
