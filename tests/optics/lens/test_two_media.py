@@ -125,6 +125,8 @@ def test_ideal_models_map_slopes_and_heights_by_the_matrix():
             np.testing.assert_allclose(there[passing], (n / m * slope - y / f)[passing], rtol=0, atol=1e-14)
             back = ideal.trace_reverse(pl.RayBundle(out.origin, -out.direction, D).selected(passing))
             np.testing.assert_allclose(back.direction, -rays.direction[passing], rtol=0, atol=1e-14)
+            focus = best_focus.front_focus(ideal, D)
+            assert abs(best_focus.paraxial_focus(ideal, focus, D)) > 1e10 * abs(f)
             # The image of a point, and equal optical paths to it.
             z_object = points.front_focus - 3.0 * abs(f)
             image = best_focus.paraxial_focus(ideal, z_object, D)
@@ -206,6 +208,12 @@ def test_an_f_number_in_a_zemax_file_is_that_of_the_power(tmp_path):
     points = paraxial.cardinal_points(pl.load_lens(tmp_path / "f3.zmx"), 587.5618)
     power = paraxial.cardinal_points(case, 587.5618).power
     assert 2 * points.entrance_pupil_semi_diameter == pytest.approx(1 / power / 3.0, rel=1e-12)
+    # An image in the paraxial focus, which is solved for another configuration.
+    text = (tmp_path / "water.zmx").read_text().replace("DISZ 3\n", "DISZ 9\nMAZH 0 0\n")
+    (tmp_path / "solved.zmx").write_text(text + "\nMNUM 2 1\nCRVT 5 2 0.04\n")
+    solved = pl.load_lens(tmp_path / "solved.zmx", configuration=2)
+    focus = paraxial.cardinal_points(solved, 587.5618).rear_focus
+    assert solved.specification.z_image == pytest.approx(focus, rel=1e-12)
     # Fields as image heights: an object in water at the angle whose tangent is height over f = n / power.
     text = (tmp_path / "water.zmx").read_text().replace("FTYP 0", "FTYP 2").replace("YFLN 0", "YFLN 0.5")
     (tmp_path / "heights.zmx").write_text(text)
