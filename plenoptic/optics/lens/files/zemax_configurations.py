@@ -138,7 +138,7 @@ def _solve(blocks: list[list[Line]], fixed: set[tuple[str, str]], where: str) ->
 
 
 def _has_focus_solve(blocks: list[list[Line]]) -> bool:
-    """True if the last gap ends in the paraxial focus, in the medium around the lens."""
+    """True if the last gap ends in the paraxial focus, in air."""
     last = blocks[-2]
     solves = [line.words[:2] for line in last if line.keyword == "MAZH"]
     return solves == [["0", "0"]] and not any(line.keyword == "GLAS" and line.rest != "MIRROR" for line in last)
