@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.geometry import Poses
+from plenoptic.calibration.fitting.geometry import Parameter, Poses
 from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, minimise
 from plenoptic.core.values import Floats
 
@@ -46,7 +46,10 @@ def fit_halves(problem: Problem, state: State) -> tuple[HalfFit, HalfFit]:
 def _fit_half(problem: Problem, state: State, frames: NDArray[np.int64], others: NDArray[np.int64]) -> HalfFit:
     part, start = part_of(problem, state, frames)
     fitted, at = minimise(part, start)
-    held, start = part_of(problem, State(fitted.parameters, state.poses, fitted.offset), others)
+    # Distances of the boards go with the focal length, which one half may leave open.
+    longer = fitted.parameters[Parameter.FOCAL_LENGTH] / state.parameters[Parameter.FOCAL_LENGTH]
+    poses = state.poses._replace(shift=state.poses.shift * longer)
+    held, start = part_of(problem, State(fitted.parameters, poses, fitted.offset), others)
     held = held._replace(free=np.zeros_like(problem.free), board=problem.board + fitted.offset, board_sigma=0.0)
     _, result = minimise(held, start._replace(offset=np.zeros_like(fitted.offset)))
     squares = np.mean((result.corners * held.sigma[0]) ** 2, axis=1)

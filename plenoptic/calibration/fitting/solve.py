@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.geometry import COUNT, Poses, project_centres, project_corners, rotate_points
+from plenoptic.calibration.fitting.geometry import (
+    COUNT,
+    Poses,
+    project_centres,
+    project_corners,
+    rotate_points,
+    rotations,
+)
 from plenoptic.calibration.fitting.traced_lens import TracedLens
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
@@ -22,6 +29,8 @@ _UNDAMPED = 1e-10
 """Damping, relative to the information of each unknown alone, that changes no step."""
 _TOLERANCES = (100.0, 1.0, *6 * (0.01,))
 """Decrease of the cost at which rounds of steps end; in between standard deviations are estimated."""
+_BETTER_TILT = 0.95
+"""Cost of the corners of a board tilted the other way, over that of its pose, below which it stands so."""
 
 
 class Problem(NamedTuple):
@@ -245,7 +254,30 @@ def fit(problem: Problem, state: State) -> tuple[Problem, State, Evaluation]:
         problem = problem._replace(sigma=(problem.sigma[0] * corners, problem.sigma[1] * centres))
         if tolerance == _TOLERANCES[-1] and max(abs(factor - 1.0) for factor in factors) < 0.003:
             break
-    return problem, state, evaluate(problem, state)
+    tilted = _tilt_back(problem, state)
+    return (problem, state, evaluate(problem, state)) if tilted is None else fit(problem, tilted)
+
+
+def _tilt_back(problem: Problem, state: State) -> State | None:
+    """The state with boards tilted the other way from the line of sight whose corners then fit better; None without.
+
+    Images of a flat board are nearly the same for two poses (D. Oberkampf, D. F. DeMenthon and L. S. Davis, Computer
+    Vision and Image Understanding 63 (1996) 495, doi:10.1006/cviu.1996.0037).
+    """
+    turn, shift = state.poses
+    sight, normal = shift / np.linalg.norm(shift, axis=1)[:, None], turn[:, :, 2]
+    along = np.einsum("ni,ni->n", sight, normal)
+    axis, sine = np.cross(normal, sight), np.sqrt(np.maximum(1.0 - along**2, 1e-24))
+    vectors = axis * (2.0 * np.arctan2(sine, np.abs(along)) * np.sign(along) / sine)[:, None]
+    flat = problem._replace(free=np.zeros_like(problem.free), board=problem.board + state.offset, board_sigma=0.0)
+    start = State(state.parameters, Poses(rotations(vectors) @ turn, shift), np.zeros_like(state.offset))
+    (other, at), before = minimise(flat, start), evaluate(problem, state)
+    costs = [np.bincount(problem.frame, (weight(z) * z**2).sum(axis=1)) for z in (at.corners, before.corners)]
+    better = (costs[0] < _BETTER_TILT * costs[1])[:, None]
+    if not better.any():
+        return None
+    poses = Poses(np.where(better[..., None], other.poses.turn, turn), np.where(better, other.poses.shift, shift))
+    return state._replace(poses=poses)
 
 
 def pivot_of(index: NDArray[np.int64]) -> NDArray[np.int64]:
