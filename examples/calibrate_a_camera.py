@@ -20,7 +20,7 @@ import numpy as np
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-BOARDS, SAMPLES, WHITE_SAMPLES = (4, 12, 32) if SMALL else (8, 20, 32)
+BOARDS, SAMPLES, WHITE_SAMPLES = (6, 20, 32) if SMALL else (8, 20, 32)
 
 output = Path("output/calibrate_a_camera")
 output.mkdir(parents=True, exist_ok=True)

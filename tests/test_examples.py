@@ -89,7 +89,7 @@ def test_first_light_keeps_everything(ran):
 def test_the_twin_of_a_calibrated_camera_projects_as_it_does(ran):
     _, said = ran("calibrate_a_camera")
     ((rms,),) = _numbers(said, r"\d+ images of middles: twin minus real")
-    # A third of the error of a corner, 0.13 pixels with so few boards.
+    # A third of the error of a corner, 0.1 pixels.
     assert rms < 0.1
 
 
