@@ -100,8 +100,9 @@ def calibrate(
     pseudo-Huber loss of corners and centres, whose standard deviations are estimated from the residuals. Terms beyond
     that (points of the board, an array stretched along one side, radial distortion) are accepted if frames that were
     left out are then predicted better by two standard errors. The twin cannot distort: with distortion asked for,
-    `held_out` says so, and the twin is the best camera without it. Signed blur of corners gives the focal lengths of
-    the microlenses, also of three types in a hexagonal array (two in a square one).
+    `held_out` says so, and the twin is the best camera without it. Blur of corners gives the focal lengths of the
+    microlenses, also of three types in a hexagonal array (two in a square one): without signs, by its change with the
+    distance of the board. Without blur they are taken to focus the corners in the middle.
 
     Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these sums
     are larger than with 199 sets of random signs (`ErrorCluster`). Corners and centres hardly tell the exit pupil from

@@ -38,6 +38,8 @@ _SHARED = 0.6
 """Error of centres over their scatter times that motion, of micro images that touch, in rendered white images."""
 _SCENE_LIGHT, _SCENE_SHIFT = 0.12, 0.04
 """Scatter of neighbours' light, and of their distances in pitches, from which on an image shows a scene."""
+_SCENE_CONTRAST = 0.2
+"""Contrast within micro images from which on it does; boards have 0.5, white images with wide borders 0.1."""
 _DEGREES, _GAIN = (1, 2, 3, 4, 5, 6), 0.02
 """Degrees of the deviation, and the least relative decrease of the residuals for which a higher one is taken."""
 _PASSES, _REWEIGHTINGS, _HUBER = 4, 6, 1.5
@@ -120,6 +122,12 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     centre, error = moments.centroid, moments.error
     scatter = _scatter(_differences(grid, index, centre))
     radius = np.sqrt(2.0 * np.maximum(moments.second - 1.0 / 6.0, 0.0))
+    contrast = float(np.quantile(_contrasts(plane, centre, 0.5 * float(np.median(radius))), 0.75))
+    if contrast > _SCENE_CONTRAST:
+        raise InvalidValueError(
+            f"the image is not white: light within micro images varies by {100 * contrast:.2g} %; photograph a uniform "
+            "bright surface"
+        )
     grid = dataclasses.replace(
         grid,
         lattice=lattice_of(grid.basis)[0],
@@ -139,6 +147,18 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
 def _around(steps: int) -> NDArray[np.int64]:
     """Indices (n, 2) of the micro images up to some steps from the first."""
     return np.stack(np.meshgrid(*[np.arange(-steps, steps + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _contrasts(plane: WhitePlane, centre: Floats, radius: float) -> Floats:
+    """Standard deviation (n,) of the light around centres, less that of noise, over the mean."""
+    light, variance = (np.pad(each, math.ceil(radius) + 1, mode="edge") for each in plane)
+    steps = _around(math.ceil(radius))
+    pixel = np.rint(centre).astype(np.int64)[:, None] + steps
+    inside = np.linalg.norm(pixel - centre[:, None], axis=2) <= radius
+    values, noise = (each[tuple(np.moveaxis(pixel + math.ceil(radius) + 1, -1, 0))] for each in (light, variance))
+    mean = np.mean(values, axis=1, where=inside)
+    excess = np.var(values, axis=1, where=inside) - np.mean(noise, axis=1, where=inside)
+    return np.asarray(np.sqrt(np.maximum(excess, 0.0)) / mean)
 
 
 def _first_centre(plane: WhitePlane, basis: Floats, cell: Cell) -> Floats:
@@ -179,7 +199,8 @@ def _grow(plane: WhitePlane, grid: MicroImageGrid, cell: Cell, gain: float) -> M
         count = np.count_nonzero(is_lit)
         if count < _FEWEST:
             raise InvalidValueError(f"{NO_LATTICE}its centre has no {_FEWEST} lit micro images; give a white image")
-        grid = _fit(grid, index[is_lit], rows[is_lit, 1:3], rows[is_lit, 3:], 3 if count > 10 * _FEWEST else 1)[0]
+        degrees = (1, 3) if count > 10 * _FEWEST else (1,)
+        grid = _fit_smooth(grid, index[is_lit], rows[is_lit, 1:3], rows[is_lit, 3:], degrees)
         if outer > reach:
             return grid
         inner, outer = outer, _GROWTH * outer
@@ -222,9 +243,11 @@ def _scatter(values: Floats) -> float:
     return float(np.median(np.abs(values))) / 0.6745
 
 
-def _fit_smooth(grid: MicroImageGrid, index: NDArray[np.int64], centre: Floats, error: Floats) -> MicroImageGrid:
+def _fit_smooth(
+    grid: MicroImageGrid, index: NDArray[np.int64], centre: Floats, error: Floats, degrees: tuple[int, ...] = _DEGREES
+) -> MicroImageGrid:
     """Fit a lattice, and the deviation of the lowest degree that the centres ask for."""
-    counts, fits = {degree: (degree + 1) * (degree + 2) // 2 for degree in _DEGREES}, []
+    counts, fits = {degree: (degree + 1) * (degree + 2) // 2 for degree in degrees}, []
     for degree, count in counts.items():
         if 2 * count < len(index) or degree == 1:
             # High degrees bend steeply, which grids refuse, where few centres hold them.

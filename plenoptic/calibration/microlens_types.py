@@ -17,18 +17,36 @@ def focal_lengths(observations: Observations, vergence: Floats, gap: float, pitc
 
     With the inverse distance v (n,) in 1/mm from each corner's image by the main lens to the array, the distance d from
     array to sensor, and a signed radius of blur rho, 1 / f = 2 rho / (d pitch) + 1 / d + v: lenses fill their cells.
-    Without blur there is one type, in focus at the median v.
+    Blur that is nowhere negative has the sign with which 1 / f varies least. Without blur there is one type, in focus
+    at the median v.
     """
-    if observations.blur is None or np.all(observations.blur >= 0):
+    if observations.blur is None:
         return (1.0 / (1.0 / gap + float(np.median(vergence))),)
-    power = 2.0 * observations.blur * observations.sensor.pixel_pitch / (gap * pitch) + 1.0 / gap + vergence
+    blur = 2.0 * observations.blur * observations.sensor.pixel_pitch / (gap * pitch)
     types = 3 if observations.lattice is Lattice.HEXAGONAL else 2
     pattern = default_pattern(types)
     kind = pattern[tuple(np.mod(observations.index, types).T)]
+    power = _power(blur, 1.0 / gap + vergence)
     if len(np.unique(kind)) < types:
         return (1.0 / float(np.median(power)),)
-    powers = np.array([np.median(power[kind == k]) for k in range(types)])
-    scatter = float(np.median(np.abs(power - powers[kind]))) / 0.6745
+    separate = power.copy()
+    for k in range(types):
+        separate[kind == k] = _power(blur[kind == k], 1.0 / gap + vergence[kind == k])
+    powers = np.array([np.median(separate[kind == k]) for k in range(types)])
+    scatter = _scatter(separate - powers[kind])
     if not np.diff(np.sort(powers)).min() > _SEPARATION * scatter:
         return (1.0 / float(np.median(power)),)
     return tuple((1.0 / powers).tolist())
+
+
+def _power(blur: Floats, focused: Floats) -> Floats:
+    """1 / f (n,) of one type of microlens, from blur (n,) in that unit and the 1 / f that would focus the corner."""
+    trials = (focused + blur, focused - blur)
+    if (blur < 0).any():
+        return trials[0]
+    return min(trials, key=lambda power: _scatter(power - np.median(power)))
+
+
+def _scatter(values: Floats) -> float:
+    """Standard deviation, by the median."""
+    return float(np.median(np.abs(values))) / 0.6745

@@ -37,8 +37,8 @@ class Observations:
     lattice : Lattice, optional
         Lattice of the microlenses, in any orientation.
     blur : (n,) array, optional
-        Radius of the corner's blur in pixels, positive if the microlens focuses in front of the sensor. Focal lengths
-        of microlenses follow from it if some are negative.
+        Radius of the corner's blur in pixels, positive if the microlens focuses in front of the sensor; or the size of
+        that radius, if none is negative. Focal lengths of microlenses follow from it.
 
     Raises
     ------

@@ -45,8 +45,12 @@ def white_plane(white: Any) -> WhitePlane:
             variance = (channels**2).sum(axis=2) / channels.shape[2] ** 2
     elif isinstance(white, RawImage):
         image, black, full = white.data, white.black_level, white.white_level
-    else:
+    elif isinstance(white, (list, tuple)) or hasattr(white, "__array__"):
         image = plain_array(white, "white")
+    else:
+        raise InvalidValueError(
+            f"white is a {type(white).__name__}; give an array of numbers, an Exposure or a RawImage"
+        )
     if image.ndim not in (2, 3) or min(image.shape[:2]) < MIN_SIDE or image.shape[2:] not in ((), (1,), (3,)):
         raise InvalidValueError(
             f"the white image has shape {image.shape}; give rows and columns, at least {MIN_SIDE}, and 1 or 3 channels"

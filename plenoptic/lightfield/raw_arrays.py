@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -117,12 +119,34 @@ def raw_arrays(shot: Exposure, white: Exposure, least_light: float, name: str = 
 
 
 def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera:
-    """The camera passed by the caller or stored in the shot; raise InvalidValueError without one that fits the shot."""
+    """The camera passed by the caller or stored in the shot; raise InvalidValueError without one that fits the shot.
+
+    Displacements along the axis are in its distances, by which the pinhole model counts.
+    """
     chosen = shot.camera if camera is None else camera
     if not isinstance(chosen, PlenopticCamera):
         raise InvalidValueError("the shot names no camera; give camera=")
     _check_size(shot, chosen, "shot")
-    return chosen
+    return _with_true_distances(chosen)
+
+
+def _with_true_distances(camera: PlenopticCamera) -> PlenopticCamera:
+    """The same camera with distances from lens to array and from there to the sensor as built, not as designed."""
+    parts = camera.lens_placement, camera.microlenses_placement, camera.sensor_placement
+    lens, array, sensor = (0.0 if part is None else float(part.shift[2]) for part in parts)
+    if camera.microlenses is None or lens == array == sensor:
+        return camera
+    # What array and sensor share with the lens stays in their placements.
+    array_placement, sensor_placement = (
+        Placement((*part.shift[:2], lens), part.rotation) for part in (each or Placement() for each in parts[1:])
+    )
+    return dataclasses.replace(
+        camera,
+        stop_to_microlenses=camera.stop_to_microlenses + array - lens,
+        microlenses_to_sensor=camera.microlenses_to_sensor + sensor - array,
+        microlenses_placement=array_placement,
+        sensor_placement=sensor_placement,
+    )
 
 
 def _check_size(exposure: Exposure, camera: PlenopticCamera, name: str) -> None:

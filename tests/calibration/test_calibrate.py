@@ -152,6 +152,11 @@ def test_blur_gives_the_focal_lengths_of_the_types():
         ratio = calibration[P.ARRAY_TO_SENSOR] / parameters()[P.ARRAY_TO_SENSOR]
         found = calibration.camera.microlenses.focal_lengths
         np.testing.assert_allclose(np.array(found) / ratio, lengths, rtol=0.01)
+        # Without signs its change with the distance of the boards tells.
+        unsigned = blurred(observed(), lengths)
+        unsigned = dataclasses.replace(unsigned, blur=np.abs(unsigned.blur))
+        found = pl.calibrate(unsigned, start=NOMINAL, board=0.0).camera.microlenses.focal_lengths
+        np.testing.assert_allclose(np.array(found) / ratio, lengths, rtol=0.01)
 
 
 def test_gross_errors_do_not_matter():

@@ -54,6 +54,21 @@ def depth_map(edge, white):
         return depth(edge, white, threads=1)
 
 
+def test_displacements_along_the_axis_are_distances(edge, white):
+    # The same camera, as designed and as built.
+    b, s = CAMERA.microlenses_to_sensor, CAMERA.stop_to_microlenses
+    expected = depth(edge, white, camera=CAMERA, threads=1)
+    for lens, array, sensor in ((0.0, 0.2, 0.0), (0.0, 0.0, -0.15), (0.1, 0.3, 0.2)):
+        camera = dataclasses.replace(
+            CAMERA, stop_to_microlenses=s - array + lens, microlenses_to_sensor=b - sensor + array
+        )
+        for part, z in zip(pl.CameraPart, (lens, array, sensor), strict=True):
+            camera = camera.moved(part, shift=(0.0, 0.0, z))
+        found = depth(dataclasses.replace(edge, camera=camera), dataclasses.replace(white, camera=camera), threads=1)
+        np.testing.assert_allclose(found.disparity, expected.disparity, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(found.depth + lens, expected.depth, rtol=1e-5)
+
+
 def scores_of(camera, shot, depth_map):
     return disparity_scores(depth_map.disparity, shot.truth.chord_disparity, where=scenes.near_centres(camera, shot))
 

@@ -197,6 +197,8 @@ def observe(
     >>> observations.frames.tolist(), len(observations.board)
     ([0, 1], 12)
     """
+    if isinstance(raws, (Exposure, RawImage)):
+        raise InvalidValueError("raws is one raw image; give a list of them, one for each pose of the board")
     grid = find_micro_images(white)
     frames = []
     for number, raw in enumerate(raws):
@@ -217,6 +219,7 @@ def observe(
         centre_pixel=grid.centre,
         sensor=Sensor(shape=grid.shape, pixel_pitch=pixel_pitch),
         lattice=grid.lattice,
+        blur=np.concatenate([frame.blur for frame in frames]),
     )
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from plenoptic.errors import PrescriptionError
 from plenoptic.optics.lens.analysis import best_focus
 
 AIR, WATER, VITREOUS = pl.optics.AIR, pl.ConstantMedium(1.333), pl.ConstantMedium(1.336)
-CASE = Path("/work/shared/cases/files/13_water_in_front.zmx")
+CASE = Path(os.environ["PLENOPTIC_SHARED"]) / "cases" / "files" / "13_water_in_front.zmx"
 D = 587.6
 
 
