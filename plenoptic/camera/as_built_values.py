@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -122,3 +123,22 @@ def _distances(camera: PlenopticCamera) -> Floats:
     parts = assembly(camera)
     corners = sensor_corners(camera, parts)[:, 2]
     return np.array([float(parts.sensor_to_local.shift[2]), corners.min(), corners.max()])
+
+
+def with_true_distances(camera: PlenopticCamera) -> PlenopticCamera:
+    """The same camera with distances from lens to array and from there to the sensor as built, not as designed."""
+    parts = camera.lens_placement, camera.microlenses_placement, camera.sensor_placement
+    lens, array, sensor = (0.0 if part is None else float(part.shift[2]) for part in parts)
+    if camera.microlenses is None or lens == array == sensor:
+        return camera
+    # What array and sensor share with the lens stays in their placements.
+    array_placement, sensor_placement = (
+        Placement((*part.shift[:2], lens), part.rotation) for part in (each or Placement() for each in parts[1:])
+    )
+    return dataclasses.replace(
+        camera,
+        stop_to_microlenses=camera.stop_to_microlenses + array - lens,
+        microlenses_to_sensor=camera.microlenses_to_sensor + sensor - array,
+        microlenses_placement=array_placement,
+        sensor_placement=sensor_placement,
+    )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.as_built_values import with_true_distances
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.points.centres import CentreMethod, MicrolensCentres, microlens_centres
 from plenoptic.camera.points.white_fit import LatticeShift, array_motion, has_contrast, lattice_shift
@@ -16,7 +16,6 @@ from plenoptic.core.last_result import LastResultCache
 from plenoptic.core.values import Floats, check_has, coordinate, finite, numbers, value
 from plenoptic.core.warn import warn
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.placement import Placement
 
 if TYPE_CHECKING:
     from plenoptic.rendering.exposure import Exposure
@@ -127,26 +126,7 @@ def camera_of(shot: Exposure, camera: PlenopticCamera | None) -> PlenopticCamera
     if not isinstance(chosen, PlenopticCamera):
         raise InvalidValueError("the shot names no camera; give camera=")
     _check_size(shot, chosen, "shot")
-    return _with_true_distances(chosen)
-
-
-def _with_true_distances(camera: PlenopticCamera) -> PlenopticCamera:
-    """The same camera with distances from lens to array and from there to the sensor as built, not as designed."""
-    parts = camera.lens_placement, camera.microlenses_placement, camera.sensor_placement
-    lens, array, sensor = (0.0 if part is None else float(part.shift[2]) for part in parts)
-    if camera.microlenses is None or lens == array == sensor:
-        return camera
-    # What array and sensor share with the lens stays in their placements.
-    array_placement, sensor_placement = (
-        Placement((*part.shift[:2], lens), part.rotation) for part in (each or Placement() for each in parts[1:])
-    )
-    return dataclasses.replace(
-        camera,
-        stop_to_microlenses=camera.stop_to_microlenses + array - lens,
-        microlenses_to_sensor=camera.microlenses_to_sensor + sensor - array,
-        microlenses_placement=array_placement,
-        sensor_placement=sensor_placement,
-    )
+    return with_true_distances(chosen)
 
 
 def _check_size(exposure: Exposure, camera: PlenopticCamera, name: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.as_built_values import with_true_distances
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.gaussian import image_plane, opening_width
 from plenoptic.camera.points.projection import project
@@ -124,18 +125,19 @@ def calibration_points(
     array = camera.microlenses
     if array is None:
         raise InvalidValueError("the camera has no microlenses; use pl.project(camera, target.points)")
-    listed = targets_of(targets)
+    listed, built = targets_of(targets), with_true_distances(camera)
+    lens_shift = 0.0 if camera.lens_placement is None else camera.lens_placement.shift[2]
     parts = []
     for frame, target in enumerate(listed):
         projection = project(camera, target.points, scene=scene, rays=1 << 8)
         projection = projection.selected(projection.visible & np.isfinite(projection.pixel).all(axis=1))
         assert projection.index is not None and projection.type is not None
         in_camera = target.points if camera.pose is None else camera.pose.to_camera(target.points)
-        behind = np.array([image_plane(camera.lens, z, camera.wavelength) for z in in_camera[:, 2]])
-        distance = (camera.stop_to_microlenses - behind)[projection.point]
+        behind = np.array([image_plane(camera.lens, z, camera.wavelength) for z in in_camera[:, 2] - lens_shift])
+        distance = (built.stop_to_microlenses - behind)[projection.point]
         power = 1.0 / np.array(array.focal_lengths)[projection.type]
         with np.errstate(divide="ignore"):
-            spread = np.abs(1.0 - camera.microlenses_to_sensor * (power - 1.0 / distance))
+            spread = np.abs(1.0 - built.microlenses_to_sensor * (power - 1.0 / distance))
         blur = 0.5 * opening_width(array) * spread / camera.sensor.pixel_pitch
         frames, world = np.full(len(projection), frame), target.points[projection.point]
         parts.append((frames, projection.point, world, projection.index, projection.pixel, blur))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.calibration.corners.board_numbers import BoardPlane, number_points
 from plenoptic.calibration.corners.corner_fit import CornerFit, fit_corners
 from plenoptic.calibration.corners.saddle_points import Patches, saddle_points
+from plenoptic.calibration.corners.vignetting import border_blur, cone_displacement
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.observations import Observations
@@ -19,15 +20,19 @@ from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, Given, check_kind, plain_array, value
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.microlens.lattice import Lattice, default_pattern
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.scene.shapes.targets.target import Target
 
-_LIT, _UNVIGNETTED = (0.5, 0.95), (0.9, 0.8)
+_LIT, _UNVIGNETTED = (0.5, 0.95), (0.7, 0.8)
 """Least light of pixels over that of their micro image in the white image, smooth, and, without one, largest distance
-from the centre over the radius: for the search and for the last fit. Where the main lens's pupil cuts that of the
-microlens, blurred corners are displaced."""
+from the centre over the radius: for the search and for the last fit."""
+_RIM = 1.3
+"""Largest distance from the centre at which the border of a micro image is looked for, over its radius."""
+_BRIGHT = 0.98
+"""Quantile of the light in the window around a micro image that counts as its brightest."""
 _SEARCH, _WINDOW, _MIN_WINDOW, _SPACING = 0.5, 0.7, 3.0, 0.8
 """Radius of windows over that of micro images, in the search and in the last fit, their least radius in pixels, and
 largest one over the distance of neighbouring corners."""
@@ -150,7 +155,7 @@ def find_corners(
     centre, radius = patches.centre[image], float(np.median(patches.radius)) * _UNVIGNETTED[1]
     points = virtual_points(patches.lattice_index[image], centre, candidates, grid.basis, radius)
     numbers, plane = number_points(points, shape)
-    corners, image, point = _fit_all(patches, points, numbers, plane, shape)
+    corners, image, point = _fit_all(patches, points, numbers, plane, shape, grid.pitch)
     return BoardCorners(
         patches.lattice_index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC
     )
@@ -261,7 +266,7 @@ def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patch
         light = light / np.maximum(gain, 1e-3 * np.percentile(gain, 99))
         equalise(gain)
     index = grid.on_sensor
-    radius, centre = _radii(grid, index), grid.centres_of(index)
+    (kind, radius), centre = _kinds(grid, index), grid.centres_of(index)
     reach = int(np.ceil(radius.max() + 1.0))
     corner = np.rint(centre).astype(np.int64) - reach
     row, column = (corner[:, k, None] + np.arange(2 * reach + 1) for k in (0, 1))
@@ -270,22 +275,29 @@ def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patch
     on_sensor = ((row >= 0) & (row < grid.shape[0]))[:, :, None] & ((column >= 0) & (column < grid.shape[1]))[:, None]
     weight = gain[at] * on_sensor
     smooth = mean_filter(np.pad(gain, 1, mode="edge"))[at]
-    bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), 0.8, axis=1), 1e-300)[:, None, None]
+    bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), _BRIGHT, axis=1), 1e-300)[:, None, None]
     lit, unvignetted = (
         weight * ((smooth > least * bright) & (distance < (part if white is None else 1.1) * radius[:, None, None]))
         for least, part in (_LIT, _UNVIGNETTED)
     )
-    patches = Patches(index, centre, radius, corner, light[at], lit)
+    visible, border = gain[at] / bright, np.zeros(len(index))
+    if white is not None:
+        border = border_blur(visible * (distance < _RIM * radius[:, None, None]))
+        border = np.array([np.median(border[kind == k]) for k in range(int(kind.max()) + 1)])[kind]
+    patches = Patches(index, centre, radius, corner, light[at], lit, visible, kind, border)
     return patches, patches._replace(weight=unvignetted)
 
 
-def _radii(grid: MicroImageGrid, index: NDArray[np.int64]) -> Floats:
-    """Radius (n,) of micro images: the median of their type."""
+def _kinds(grid: MicroImageGrid, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
+    """Type (n,) of micro images, also where images of types are alike, and the median radius of the type."""
+    pattern = grid.type_pattern
+    if not pattern.max():
+        pattern = default_pattern(3 if grid.lattice is Lattice.HEXAGONAL else 2)
+    kind = pattern[tuple(np.mod(index, pattern.shape).T)]
     if grid.radius is None or grid.index is None:
-        return np.full(len(index), 0.42 * grid.pitch)
-    types = grid.types_of(grid.index)
-    medians = np.array([np.median(grid.radius[types == t]) for t in range(int(grid.type_pattern.max()) + 1)])
-    return np.asarray(medians[grid.types_of(index)])
+        return kind, np.full(len(index), 0.42 * grid.pitch)
+    measured = pattern[tuple(np.mod(grid.index, pattern.shape).T)]
+    return kind, np.array([np.median(grid.radius[measured == k]) for k in range(int(pattern.max()) + 1)])[kind]
 
 
 def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
@@ -318,7 +330,12 @@ def _is_corner(patches: Patches, corners: CornerFit, image: NDArray[np.int64], s
 
 
 def _fit_all(
-    patches: Patches, points: VirtualPoints, numbers: NDArray[np.int64], plane: BoardPlane, shape: tuple[int, int]
+    patches: Patches,
+    points: VirtualPoints,
+    numbers: NDArray[np.int64],
+    plane: BoardPlane,
+    shape: tuple[int, int],
+    pitch: float,
 ) -> tuple[CornerFit, NDArray[np.int64], NDArray[np.int64]]:
     """Corners in all micro images that should show them; the micro image and the board's point of each."""
     index = np.stack(np.divmod(np.arange(shape[0] * shape[1]), shape[1]), axis=1)
@@ -339,7 +356,15 @@ def _fit_all(
         raise InvalidValueError(
             "corners are blurred over more than a third of a square; focus better, or take a board of larger squares"
         )
-    corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
+    corners, image, point, start, size = corners.rows(good), image[good], point[good], start[good], size[good]
+    if patches.border.any():
+        displacement = cone_displacement(
+            corners.sigma / _DISC, patches.border[image], w[point], patches.kind[image], pitch
+        )
+        windows = patches.windows(image, corners.pixel, size, displacement)
+        corners = fit_corners(windows, corners.pixel, corners.angle, _BLUR)
+        good = _is_corner(patches, corners, image, start)
+        corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
     good = np.zeros(len(point), dtype=bool)
     for k in np.unique(point):
         rows = np.flatnonzero(point == k)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.calibration.corners.corner_fit import Windows
+from plenoptic.calibration.corners.vignetting import visible_centre
 from plenoptic.core.values import Floats
 
 _SCALE, _FILL = 1.2, 1.5
@@ -33,15 +34,21 @@ class Patches(NamedTuple):
     """(n, s, s)."""
     weight: Floats
     """(n, s, s): 0 outside the micro image."""
+    visible: Floats
+    """(n, s, s): white image over its brightest in the micro image; 1 without a white image."""
+    kind: NDArray[np.int64]
+    """(n,): type of the microlens."""
+    border: Floats
+    """(n,): radius in pixels of the blur of the micro image's border, 0 without a white image."""
 
     def rows(self, chosen: NDArray[np.int64]) -> Patches:
         """Some of the windows."""
-        lattice_index, corner = self.lattice_index[chosen], self.corner[chosen]
-        centre, radius, light, weight = (part[chosen] for part in (self.centre, self.radius, self.light, self.weight))
-        return Patches(lattice_index, centre, radius, corner, light, weight)
+        return Patches._make(part[chosen] for part in self)
 
-    def windows(self, image: NDArray[np.int64], pixel: Floats, radius: Floats) -> Windows:
-        """Windows of radii (m,) around pixels (m, 2) in micro images (m,)."""
+    def windows(
+        self, image: NDArray[np.int64], pixel: Floats, radius: Floats, displacement: Floats | None = None
+    ) -> Windows:
+        """Windows of radii (m,) around pixels (m, 2) in micro images (m,), with `cone_displacement` (m,) taken off."""
         reach = int(np.ceil(radius.max(initial=0.0)))
         steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
         place = np.rint(pixel).astype(np.int64)[:, None] + steps
@@ -52,7 +59,10 @@ class Patches(NamedTuple):
         distance = np.hypot(*(place - pixel[:, None]).transpose(2, 0, 1))
         light = self.light[image[:, None], row, column]
         weight = self.weight[image[:, None], row, column] * (inside & (distance < radius[:, None]))
-        return Windows(place.astype(np.float64), light, weight)
+        seen = place.astype(np.float64)
+        if displacement is not None:
+            seen += displacement[:, None, None] * visible_centre(self.visible, image[:, None], row, column)
+        return Windows(seen, light, weight)
 
 
 class Saddles(NamedTuple):
