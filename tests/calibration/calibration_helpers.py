@@ -8,6 +8,7 @@ import plenoptic as pl
 from plenoptic.calibration.fitting.geometry import project_centres, project_corners
 from plenoptic.calibration.twin import FixedParts
 from plenoptic.core.motions.rotation import rotation_about
+from plenoptic.optics.lens.placement import Placement
 
 GALILEAN, KEPLERIAN = (123.3, 1.7), (156.0, 1.9)
 """Distances from the iris to the array and from there to the sensor."""
@@ -140,7 +141,7 @@ def boards_of_50mm(board, n=10, seed=0, **options):
 def true_values(camera, calibration):
     """Values of the parameters of a camera, with the pivot of a calibration."""
     points = pl.paraxial.cardinal_points(camera.lens)
-    array, sensor = camera.microlenses_placement, camera.sensor_placement
+    array, sensor = camera.microlenses_placement, camera.sensor_placement or Placement()
     normal = array.rotation[:, 2]
     at = np.add(array.shift, (0.0, 0.0, camera.stop_to_microlenses))
     crossing = normal @ at / normal[2]

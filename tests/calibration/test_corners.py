@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import pytest
+from calibration_helpers import true_values
 
 import plenoptic as pl
 from plenoptic.errors import InvalidValueError
@@ -223,6 +224,42 @@ def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons
     assert np.isin(inner, met).mean() > rate and np.sqrt(np.mean(errors**2)) < error
     assert np.hypot(*errors.T).max() < 1.0
     assert 0.8 < np.sqrt(np.mean((errors / corners.standard_error) ** 2)) < 1.25
+
+
+@pytest.mark.slow
+def test_cameras_from_raw_images_are_within_their_errors():
+    """Three kinds of cameras, of which each sees six boards; the last board is bent."""
+    z, P = [], pl.calibration.Parameter
+    for number, kind in enumerate(KINDS):
+        camera, rng = camera_of(kind, shape=(420, 560)), np.random.default_rng(number)
+        design = pl.targets.checkerboard(7, 6, square=3.0, margin=9.0, dark=pl.Emissive(0.1), bright=pl.Emissive(1.0))
+        board = bent(design, 0.15) if number == 2 else design
+        boards = [
+            tilted((np.cos(a), np.sin(a), 0.0), 25.0, rng.uniform(-440, -370), rng.uniform(-20, 20), board)
+            for a in 2.4 * np.arange(6) + rng.uniform(0, 6)
+        ]
+        raws = [raw_of(shot_of(camera, each, samples=24), camera, seed=k) for k, each in enumerate(boards)]
+        white = raw_of(white_of(camera), camera, 20000.0)
+        observations = pl.calibration.observe(raws, white, design, pixel_pitch=PITCH)
+        calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0))
+        assert any(test.accepted for test in calibration.held_out if test.name == "free board") == (number == 2)
+        # The pitch's error holds that of the exit pupil: centroids are drawn inwards as light falls by cos^4.
+        error = np.sqrt(np.diag(calibration.covariance) + calibration.model_change**2 * (np.arange(len(P)) == P.PITCH))
+        off = calibration.values - true_values(camera, calibration)
+        z.append(off[: P.STRETCH] / error[: P.STRETCH])
+    # Of some 15 independent numbers.
+    assert np.abs(z).max() < 4 and 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5, z
+
+
+def bent(board, bend):
+    """A board bent like a saddle by a length in mm."""
+
+    def moved(points):
+        x, y, z = np.transpose(points)
+        return np.column_stack([x, y, z + bend * ((x / 9) ** 2 - 0.5 * (y / 8) ** 2 + x * y / 140)])
+
+    meshes = [dataclasses.replace(mesh, vertices=moved(mesh.vertices)) for mesh in board.meshes]
+    return dataclasses.replace(board, meshes=meshes, points=moved(board.points))
 
 
 def test_what_is_no_board_and_no_raw_image_is_refused():
