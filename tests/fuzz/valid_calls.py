@@ -132,6 +132,7 @@ aiming.aimed_rays(lens=lens(), field=field, pupil=[[0.0, 0.5]], z_object=z, wave
 aiming.aimed_rays_reverse(lens=lens(), image_point=(1.0, 0.0), z_image=100.0, pupil=[[0.0, 0.5]], wavelength=wave)
 aiming.chief_ray(lens=lens(), field=field, z_object=z, wavelength=wave)
 targets.checkerboard: targets.checkerboard(columns=4, rows=3, square=2.0, margin=1.0)
+targets.marked_checkerboard(columns=5, rows=4, square=2.0, margin=1.0)
 targets.point_grid(columns=3, rows=2, pitch=5.0, radius=1.0, sides=8)
 targets.random_dots(columns=4, rows=3, dot=1.0, density=0.5, seed=1)
 targets.siemens_star(radius=9.0, spokes=8, inner_radius=1.0, margin=1.0)

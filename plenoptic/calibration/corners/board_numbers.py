@@ -1,13 +1,15 @@
-"""Numbers of a checkerboard's corners, from their virtual points, without marks on the board."""
+"""Numbers of a checkerboard's corners, from their virtual points."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.calibration.corners.board_marks import place_by_marks
+from plenoptic.calibration.corners.board_plane import TURNS, BoardPlane, fit_homography, fit_plane, invert, project
+from plenoptic.calibration.corners.saddle_points import Patches
 from plenoptic.calibration.corners.virtual_points import VirtualPoints
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -17,39 +19,15 @@ _CONE = math.cos(math.radians(20.0))
 _OFF = 0.2
 """Largest distance of a corner from its place in the lattice, over that of its neighbours."""
 _MIN_POINTS = 6
-_TURNS = [np.array(turn) for turn in ([[1, 0], [0, 1]], [[0, 1], [-1, 0]], [[-1, 0], [0, -1]], [[0, -1], [1, 0]])]
-"""Quarter turns of (row, column)."""
 
 
-class BoardPlane(NamedTuple):
-    """Virtual image of a board's plane."""
-
-    homography: Floats
-    """(3, 3): from (row, column, 1) on the board to the virtual point's (row, column, 1), up to a factor."""
-    depth: Floats
-    """(3,): virtual depth, linear in (row, column, 1) of the virtual point."""
-
-    def points(self, index: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Position (n, 2) and reciprocal virtual depth (n,) of corners (n, 2)."""
-        position = _project(self.homography, index)
-        return position, 1.0 / (position @ self.depth[:2] + self.depth[2])
-
-    def steps(self, index: NDArray[np.int64]) -> Floats:
-        """Steps (n, 2, 2) of the position to the next row and to the next column."""
-        shift = 0.5 * np.eye(2)
-        return np.stack([_project(self.homography, index + s) - _project(self.homography, index - s) for s in shift], 1)
-
-    def edge_angles(self, index: NDArray[np.int64]) -> Floats:
-        """Angles (n, 2) of the normals of the edges through corners, with bright quadrants as `CornerFit` has them."""
-        step = self.steps(index)
-        angle = np.arctan2(step[..., 0], -step[..., 1])
-        return np.asarray(angle + np.outer(index.sum(axis=1) % 2, [0.0, np.pi]))
-
-
-def number_points(points: VirtualPoints, shape: tuple[int, int]) -> tuple[NDArray[np.int64], BoardPlane]:
+def number_points(
+    points: VirtualPoints, shape: tuple[int, int], patches: Patches, marks: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.int64], BoardPlane]:
     """Row and column (k, 2) of virtual points on a board with corners of this shape, -1 where a point is none.
 
-    The square at the upper left is dark. Raises InvalidValueError if the points are not those of the board.
+    The square at the upper left is dark; marks (rows, columns) are those of the squares. Raises InvalidValueError if
+    the points are not those of the board.
     """
     rows, place = _lattice(points) if len(points.w) else (np.zeros(0, np.int64), np.zeros((0, 2), np.int64))
     if len(rows) < _MIN_POINTS or min(np.ptp(place, axis=0)) < 1:
@@ -58,15 +36,15 @@ def number_points(points: VirtualPoints, shape: tuple[int, int]) -> tuple[NDArra
             "give the raw image of a checkerboard that several micro images show"
         )
     kind = _kinds(points, rows, place)
-    index = _place(place, kind, _homography(place, points.position[rows]), shape)
+    if marks is None:
+        index = _place(place, kind, fit_homography(place, points.position[rows]), shape)
+    else:
+        index = place_by_marks(patches, fit_plane(points, rows, place), place, kind, marks)
     on_board = ((index >= 0) & (index < shape)).all(axis=1)
     numbers = np.full((len(points.w), 2), -1)
     numbers[rows[on_board]] = index[on_board]
     rows, index = rows[on_board], index[on_board]
-    design = np.column_stack([points.position[rows], np.ones(len(rows))])
-    weight = points.w[rows] ** 2 * np.sqrt(points.images[rows])
-    depth = np.linalg.lstsq(design * weight[:, None], weight / points.w[rows], rcond=None)[0]
-    return numbers, BoardPlane(_homography(index, points.position[rows]), np.asarray(depth, dtype=np.float64))
+    return numbers, fit_plane(points, rows, index)
 
 
 def _lattice(points: VirtualPoints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -121,7 +99,7 @@ def _refine(
     points: VirtualPoints, rows: NDArray[np.int64], place: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Points that are where a homography has their places, with those that the steps did not reach."""
-    exact = _project(_inverse(_homography(place, points.position[rows])), points.position)
+    exact = project(invert(fit_homography(place, points.position[rows])), points.position)
     nearest = np.rint(exact)
     off = np.hypot(*(exact - nearest).T)
     low, high = place.min(axis=0) - 2, place.max(axis=0) + 2
@@ -134,10 +112,10 @@ def _refine(
 
 def _kinds(points: VirtualPoints, rows: NDArray[np.int64], place: NDArray[np.int64]) -> int:
     """Parity of row + column of places whose bright quadrants are those above on the left and below on the right."""
-    inverse = _inverse(_homography(place, points.position[rows]))
+    inverse = invert(fit_homography(place, points.position[rows]))
     bright = points.angle[rows].mean(axis=1)
     step = 1e-3 * np.stack([np.cos(bright), np.sin(bright)], axis=1)
-    move = _project(inverse, points.position[rows] + step) - _project(inverse, points.position[rows] - step)
+    move = project(inverse, points.position[rows] + step) - project(inverse, points.position[rows] - step)
     votes = np.sign(move[:, 0] * move[:, 1]) * (1 - 2 * (place.sum(axis=1) % 2))
     return int(votes.sum() < 0)
 
@@ -145,7 +123,7 @@ def _kinds(points: VirtualPoints, rows: NDArray[np.int64], place: NDArray[np.int
 def _place(place: NDArray[np.int64], kind: int, homography: Floats, shape: tuple[int, int]) -> NDArray[np.int64]:
     """Row and column (m, 2) on the board of the lattice's places."""
     options: list[tuple[int, float, NDArray[np.int64]]] = []
-    for number, turn in enumerate(_TURNS):
+    for number, turn in enumerate(TURNS):
         turned = place @ turn.T
         low, extent = turned.min(axis=0), np.ptp(turned, axis=0) + 1
         # Bright quadrants change diagonals by a quarter turn; on the board odd corners are of this kind.
@@ -155,7 +133,7 @@ def _place(place: NDArray[np.int64], kind: int, homography: Floats, shape: tuple
             index = turned - low + start
             if (parity + int(sum(start) - low.sum())) % 2 == 1:
                 inside = ((index >= 0) & (index < shape)).all(axis=1)
-                down = float((turn @ _inverse(homography / homography[2, 2])[:2, :2])[1, 1])
+                down = float((turn @ invert(homography / homography[2, 2])[:2, :2])[1, 1])
                 options.append((int(inside.sum()), down, index))
     count = max((option[0] for option in options), default=0)
     ties = [option for option in options if option[0] == count]
@@ -170,33 +148,6 @@ def _place(place: NDArray[np.int64], kind: int, homography: Floats, shape: tuple
     if len(ties) > symmetry:
         raise InvalidValueError(
             f"only {extent} corners of the board's {rows} x {columns} are visible, and they may be several; "
-            "move the whole board into view"
+            "move the whole board into view, or take pl.targets.marked_checkerboard"
         )
     return max(ties, key=lambda option: option[1])[2]
-
-
-def _homography(index: NDArray[np.int64], position: Floats) -> Floats:
-    """Homography (3, 3) from places (m, 2) to positions (m, 2), by the direct linear transform."""
-    (source, a), (target, b) = (_normalise(each) for each in (np.asarray(index, dtype=np.float64), position))
-    x, y = np.column_stack([source, np.ones(len(source))]), target
-    zero = np.zeros_like(x)
-    system = np.concatenate([np.hstack([x, zero, -y[:, :1] * x]), np.hstack([zero, x, -y[:, 1:] * x])])
-    matrix = np.linalg.svd(system)[2][-1].reshape(3, 3)
-    matrix = np.linalg.inv(b) @ matrix @ a
-    return np.asarray(matrix * np.sign(matrix[2] @ np.append(np.mean(index, axis=0), 1.0)))
-
-
-def _normalise(places: Floats) -> tuple[Floats, Floats]:
-    """Places (m, 2) about their mean in units of their spread, and the matrix (3, 3) to them."""
-    mean, spread = places.mean(axis=0), max(float(places.std()), 1e-12)
-    matrix = np.array([[1 / spread, 0, -mean[0] / spread], [0, 1 / spread, -mean[1] / spread], [0, 0, 1]])
-    return (places - mean) / spread, matrix
-
-
-def _inverse(matrix: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _project(homography: Floats, places: Floats | NDArray[np.int64]) -> Floats:
-    image = np.column_stack([places, np.ones(len(places))]) @ homography.T
-    return np.asarray(image[:, :2] / image[:, 2:])

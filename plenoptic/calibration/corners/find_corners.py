@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.calibration.corners.board_numbers import BoardPlane, number_points
+from plenoptic.calibration.corners.board_marks import without_marks
+from plenoptic.calibration.corners.board_numbers import number_points
+from plenoptic.calibration.corners.board_plane import BoardPlane
 from plenoptic.calibration.corners.corner_fit import CornerFit, fit_corners
 from plenoptic.calibration.corners.saddle_points import Patches, saddle_points
 from plenoptic.calibration.corners.vignetting import border_blur, cone_displacement
@@ -103,11 +105,12 @@ def find_corners(
     Parameters
     ----------
     raw : (H, W), (H, W, 1) or (H, W, 3) array_like, Exposure or RawImage
-        Raw image that shows the whole board; each of its corners in several micro images.
+        Raw image that shows the whole board, each of its corners in several micro images. Of a marked board
+        4 x 4 squares suffice.
     grid : MicroImageGrid
         By `find_micro_images`, of the same camera and focus.
     board : Target
-        By `pl.targets.checkerboard`; its place does not matter.
+        By `pl.targets.checkerboard` or `pl.targets.marked_checkerboard`; its place does not matter.
     white : as raw, optional
         White image, by which the raw image is divided. Without it only the inner part of micro images is used.
 
@@ -118,7 +121,8 @@ def find_corners(
     Raises
     ------
     InvalidValueError
-        If the image shows no board, another one, or only a part of it whose corners may be several ones.
+        If the image shows no board, another one, or only a part of it whose corners may be several ones; if the
+        odds of other parts of a marked board are above 1e-8.
 
     Notes
     -----
@@ -127,13 +131,18 @@ def find_corners(
     images centred at c are at c + (x - c) w; the w at which most neighbouring micro images show it joins them to a
     virtual point x. These are numbered from neighbour to neighbour along the edges; a homography takes the board to
     them, and the virtual depth 1 / w is linear in x. Then the model is fitted again in every micro image that should
-    show a corner.
+    show a corner, without the pixels of marks.
+
+    Marks are read in all micro images together: the coefficient of a bell in the middle of each square, over the mean
+    light around. With n squares whose signals have the correlation r with the marks, placements of the lattice on the
+    board have probabilities proportional to (1 - r^2)^(1 - n/2), for unknown levels and noise.
 
     A checkerboard with an odd number of squares along one side and an even one along the other looks different after
     half a turn. If it does not, the turn is chosen with which columns run as those of the raw image do most nearly:
     turn such a board by less than 90 degrees between images. A mirrored raw image is that of a mirrored camera, and is
-    not refused. Micro images of an unfocused camera (1.0) show no corners, since each holds one point of the scene.
-    Errors are those of the residuals; with blur over half of a micro image, true ones are up to twice as large.
+    not refused; that of a marked board is. Micro images of an unfocused camera (1.0) show no corners, since each holds
+    one point of the scene. Errors are those of the residuals; with blur over half of a micro image, true ones are up
+    to twice as large.
 
     Examples
     --------
@@ -154,8 +163,8 @@ def find_corners(
     candidates, image = _candidates(lit)
     centre, radius = patches.centre[image], float(np.median(patches.radius)) * _UNVIGNETTED[1]
     points = virtual_points(patches.lattice_index[image], centre, candidates, grid.basis, radius)
-    numbers, plane = number_points(points, shape)
-    corners, image, point = _fit_all(patches, points, numbers, plane, shape, grid.pitch)
+    numbers, plane = number_points(points, shape, patches, board.marks)
+    corners, image, point = _fit_all(patches, points, numbers, plane, shape, grid.pitch, board.marks)
     return BoardCorners(
         patches.lattice_index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC
     )
@@ -177,7 +186,7 @@ def observe(
     white : as a raw image
         See `find_micro_images`.
     board : Target
-        By `pl.targets.checkerboard`.
+        See `find_corners`.
     pixel_pitch : float
         Distance of pixels in mm.
 
@@ -234,6 +243,10 @@ def _corners_of(board: Target) -> tuple[int, int]:
     if board.index is not None and len(board.index):
         rows, columns = (board.index.max(axis=0) + 1).tolist()
         if np.array_equal(board.index, np.stack(np.divmod(np.arange(rows * columns), columns), axis=1)):
+            if board.marks is not None and board.marks.shape != (rows + 1, columns + 1):
+                raise InvalidValueError(
+                    f"marks of board are {board.marks.shape}; it has {rows + 1} x {columns + 1} squares"
+                )
             return rows, columns
     raise InvalidValueError(f"board is {board!r}, no checkerboard; give pl.targets.checkerboard(9, 6, square=2.0)")
 
@@ -336,6 +349,7 @@ def _fit_all(
     plane: BoardPlane,
     shape: tuple[int, int],
     pitch: float,
+    marks: NDArray[np.bool_] | None,
 ) -> tuple[CornerFit, NDArray[np.int64], NDArray[np.int64]]:
     """Corners in all micro images that should show them; the micro image and the board's point of each."""
     index = np.stack(np.divmod(np.arange(shape[0] * shape[1]), shape[1]), axis=1)
@@ -344,11 +358,15 @@ def _fit_all(
     on_board = numbers[:, 0] >= 0
     number = numbers[on_board] @ (shape[1], 1)
     position[number], w[number] = points.position[on_board], points.w[on_board]
-    spacing = np.abs(w) * np.hypot(*plane.steps(index).transpose(2, 0, 1)).min(axis=1)
-    image, point = _visible(patches, position, w)
+    steps = plane.steps(index)
+    spacing = np.abs(w) * np.hypot(*steps.transpose(2, 0, 1)).min(axis=1)
+    image, point = patches.visible(position, w)
     start = patches.centre[image] + (position[point] - patches.centre[image]) * w[point, None]
     size = np.clip(_SPACING * spacing[point], _MIN_WINDOW, _WINDOW * patches.radius[image])
-    corners = fit_corners(patches.windows(image, start, size), start, angle[point], _BLUR)
+    windows = patches.windows(image, start, size)
+    if marks is not None:
+        windows = without_marks(windows, start, w[point, None, None] * steps[point], index[point], marks)
+    corners = fit_corners(windows, start, angle[point], _BLUR)
     good = _is_corner(patches, corners, image, start)
     good &= np.cos(corners.angle.sum(axis=1) - angle[point].sum(axis=1)) > 0.5
     good &= corners.sigma < _MAX_BLUR * spacing[point]
@@ -376,10 +394,3 @@ def _fit_all(
         slope = float(((miss - shift) * arm).sum() / max(float((arm**2).sum()), 1e-12)) if len(rows) > 3 else 0.0
         good[rows] = np.hypot(*(miss - shift - slope * arm).T) < _NEAR + _OUTLIER * error
     return corners.rows(good), image[good], point[good]
-
-
-def _visible(patches: Patches, position: Floats, w: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Micro images and points that they should show."""
-    offset = (position - patches.centre[:, None]) * w[:, None]
-    image, point = np.nonzero(np.hypot(offset[..., 0], offset[..., 1]) < patches.radius[:, None])
-    return image, point

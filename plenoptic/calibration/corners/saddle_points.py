@@ -17,6 +17,8 @@ _MIN_CURVATURE, _NOISE = 0.01, 4.0
 """Least curvature of a saddle in units of the bright light, and in medians of all."""
 _SAMPLE, _CHUNK = 500, 2048
 """Micro images that give the least curvature, and those that are searched together."""
+_PAIRS = 1 << 20
+"""Pairs of micro images and points that are compared together."""
 
 
 class Patches(NamedTuple):
@@ -34,7 +36,7 @@ class Patches(NamedTuple):
     """(n, s, s)."""
     weight: Floats
     """(n, s, s): 0 outside the micro image."""
-    visible: Floats
+    white: Floats
     """(n, s, s): white image over its brightest in the micro image; 1 without a white image."""
     kind: NDArray[np.int64]
     """(n,): type of the microlens."""
@@ -44,6 +46,18 @@ class Patches(NamedTuple):
     def rows(self, chosen: NDArray[np.int64]) -> Patches:
         """Some of the windows."""
         return Patches._make(part[chosen] for part in self)
+
+    def visible(self, position: Floats, w: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Micro images and virtual points (k, 2) that they should show, with their reciprocal virtual depths (k,)."""
+        parts = []
+        step = max(1, _PAIRS // max(len(w), 1))
+        for first in range(0, len(self.centre), step):
+            rows = slice(first, first + step)
+            offset = (position - self.centre[rows, None]) * w[:, None]
+            image, point = np.nonzero(np.hypot(offset[..., 0], offset[..., 1]) < self.radius[rows, None])
+            parts.append((image + first, point))
+        image, point = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return image, point
 
     def windows(
         self, image: NDArray[np.int64], pixel: Floats, radius: Floats, displacement: Floats | None = None
@@ -61,7 +75,7 @@ class Patches(NamedTuple):
         weight = self.weight[image[:, None], row, column] * (inside & (distance < radius[:, None]))
         seen = place.astype(np.float64)
         if displacement is not None:
-            seen += displacement[:, None, None] * visible_centre(self.visible, image[:, None], row, column)
+            seen += displacement[:, None, None] * visible_centre(self.white, image[:, None], row, column)
         return Windows(seen, light, weight)
 
 

@@ -26,10 +26,15 @@ def with_areas(chart):
     return chart, np.prod(np.ptp(chart.meshes[1].bounds, axis=0)[:2]), np.sum(30 * (0.5 / chart.frequencies) ** 2)
 
 
+MARKED = targets.marked_checkerboard(6, 5, square=2.0, margin=0.5)
+
 CASES = {
     # target: area of all, area of what is dark
     "board": (targets.checkerboard(5, 4, square=1.5), 45.0, 22.5),
     "board with margin": (targets.checkerboard(5, 3, square=2.0, margin=0.7), 11.4 * 7.4, 8 * 4.0),
+    # Nine marks lie in dark squares and five in bright ones; six and three.
+    "marked board": (MARKED, 13.0 * 11.0, 60.0 - 4 * np.pi * 0.3**2),
+    "marked board without margin": (targets.marked_checkerboard(4, 4, square=1.0), 16.0, 8.0 - 3 * np.pi * 0.15**2),
     "dots": (targets.point_grid(4, 3, pitch=1.7, radius=0.4, sides=30), 12 * 1.7**2, 12 * np.pi * 0.16),
     "square dots": (targets.point_grid(1, 2, pitch=2.0, radius=0.7, sides=4), 8.0, 2 * np.pi * 0.49),
     "dots of five sides": (targets.point_grid(2, 1, pitch=2.0, radius=0.7, sides=5), 8.0, 2 * np.pi * 0.49),
@@ -102,6 +107,41 @@ def test_corners_are_where_four_squares_meet():
     for (x, y, _), parity in zip(board.points, board.index.sum(axis=1) % 2 == 0, strict=True):
         around = [(x - step, y + step), (x + step, y - step), (x + step, y + step), (x - step, y - step)]
         assert is_dark(board, around).tolist() == [parity, parity, not parity, not parity]
+
+
+def test_marks_are_in_the_middle_of_squares():
+    board = MARKED
+    row, column = np.indices(board.marks.shape)
+    middles = np.stack([2.0 * (column - 2.5), 2.0 * (2.0 - row)], axis=-1).reshape(-1, 2)
+    colour = ((row + column) % 2 == 0).ravel()
+    # The polygon of 16 sides lies within (pi / 16)^2 of its circle.
+    for radius, is_mark in ((0.0, True), (0.95 * 0.3, True), (1.05 * 0.3, False)):
+        for angle in (0.1, 1.3, 2.9, 4.4):
+            points = middles + radius * np.array([np.cos(angle), np.sin(angle)])
+            assert (is_dark(board, points) == colour ^ (is_mark & board.marks.ravel())).all()
+    np.testing.assert_array_equal(board.points, targets.checkerboard(6, 5, square=2.0).points)
+    assert (
+        board.rotated_deg((0, 1, 0), 25).marks is board.marks and targets.checkerboard(6, 5, square=2.0).marks is None
+    )
+
+
+def test_any_four_by_four_squares_of_a_marked_board_differ_from_all_others():
+    """In all turns that bring dark squares to dark ones: bits of neighbours differ in 1, of small boards in 2 and 3."""
+    marks = targets.marked_checkerboard(64, 64, square=1.0).marks
+    for size, least in ((15, 3), (29, 2), (64, 1)):
+        windows = np.lib.stride_tricks.sliding_window_view(marks[:size, :size], (4, 4))
+        dark = np.indices(windows.shape[:2]).sum(axis=0).ravel() % 2
+        flat = windows.reshape(-1, 4, 4)
+        assert flat.sum(axis=(1, 2)).min() >= 4 and flat.sum(axis=(1, 2)).max() <= 12
+        # A quarter turn of an even window changes the colour of its upper left square.
+        turns = [(np.rot90(flat, turn, (1, 2)).reshape(-1, 16), (dark + turn) % 2) for turn in range(4)]
+        signs = [np.column_stack([1.0 - 2.0 * bits, 16.0 * (1.0 - 2.0 * colour)]) for bits, colour in turns]
+        for turn, other in enumerate(signs):
+            alike = signs[0].astype(np.float32) @ other.T.astype(np.float32)
+            if turn == 0:
+                np.fill_diagonal(alike, -np.inf)
+            # Bits that agree less those that differ, 16 - 2 d; other colours are 512 less.
+            assert alike.max() - 256 <= 16 - 2 * least, (size, turn)
 
 
 def test_dots_are_round_their_points():
@@ -224,6 +264,7 @@ def test_materials_are_those_given():
     lamp, black = Emissive(3.0), Emissive(0.0)
     for target in (
         targets.checkerboard(3, 3, square=1.0, dark=lamp, bright=black),
+        targets.marked_checkerboard(4, 4, square=1.0, dark=lamp, bright=black),
         targets.point_grid(3, 3, pitch=1.0, radius=0.2, dark=lamp, bright=black),
         targets.siemens_star(1.0, 5, dark=lamp, bright=black),
         targets.slanted_edge(1.0, dark=lamp, bright=black),
@@ -238,6 +279,9 @@ def test_impossible_targets_are_refused():
     for make, sentence in (
         (lambda: targets.checkerboard(1, 4, square=1), "columns is 1; it must be at least 2"),
         (lambda: targets.checkerboard(4, 4, square=1, margin=-1), "margin is -1 mm; it must be at least 0"),
+        (lambda: targets.marked_checkerboard(3, 4, square=1), "columns is 3; it must be at least 4"),
+        (lambda: targets.marked_checkerboard(4, 65, square=1), "rows is 65; it must be at most 64"),
+        (lambda: Target(meshes, origin, marks=[True]), "marks has shape"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.5), r"reduce radius 0\.5 mm until that is below half"),
         (lambda: targets.point_grid(4, 4, pitch=1, radius=0.1, sides=3), "sides is 3; it must be at least 4"),
         (lambda: targets.random_dots(4, 4, dot=1, density=1.5), "density is 1.5; it must be within 0 and 1"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +21,9 @@ from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.shapes.procedural import quad
 from plenoptic.scene.shapes.targets.checker_layouts import (
     MOST_SQUARES,
-    faces_around,
+    cell_corners,
+    dot_faces,
+    equal_area,
     flat_mesh,
     grid_corners,
     grid_faces,
@@ -34,13 +34,19 @@ from plenoptic.scene.shapes.targets.target import BRIGHT, DARK, Target
 from plenoptic.scene.textures.color import Colour, as_colour
 from plenoptic.scene.textures.texture import Texture, TextureFilter, Wrap
 
+MARK = 0.15
+"""Radius of a mark's disc over the edge of a square."""
+_SIDES = 16
+"""Of the polygon of a mark, which has the area of the disc."""
+
 
 def checkerboard(
     columns: int, rows: int, *, square: float, margin: float = 0.0, dark: Material = DARK, bright: Material = BRIGHT
 ) -> Target:
     """A board of squares in the plane z = 0, whose inner corners are known.
 
-    Unlike `pl.checkerboard`, which fills a rectangle, it consists of whole squares.
+    Unlike `pl.checkerboard`, which fills a rectangle, it consists of whole squares. `marked_checkerboard` need not be
+    in view as a whole.
 
     Parameters
     ----------
@@ -75,18 +81,37 @@ def checkerboard(
     """
     columns, rows = checked_shape((columns, rows), ("columns", "rows"), at_least=2, at_most=MOST_SQUARES)
     square, border = length_in_mm(square, "square"), not_negative(margin, "margin", "mm")
+    return squares(columns, rows, square, border, dark, bright, np.zeros((rows, columns), dtype=bool))
+
+
+def squares(
+    columns: int, rows: int, square: float, border: float, dark: Material, bright: Material, marks: NDArray[np.bool_]
+) -> Target:
+    """A checkerboard, some squares of which have a disc of the other colour in the middle."""
     x, y = _lines(columns, square), _lines(rows, square)
     # Rows count downwards, lines upwards.
-    is_dark = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0
+    is_dark, is_marked = (np.arange(rows)[::-1, None] + np.arange(columns)) % 2 == 0, marks[::-1]
     if border > 0:
         x, y = (np.concatenate([[axis[0] - border], axis, [axis[-1] + border]]) for axis in (x, y))
-        is_dark = np.pad(is_dark, 1)
-    corners = grid_corners(x, y)
+        is_dark, is_marked = np.pad(is_dark, 1), np.pad(is_marked, 1)
+    corners = [grid_corners(x, y)]
+    faces = [[grid_faces(is_dark & ~is_marked)], [grid_faces(~is_dark & ~is_marked)]]
+    for colour, marked in enumerate((is_dark & is_marked, ~is_dark & is_marked)):
+        row, column = np.nonzero(marked)
+        cells = cell_corners(row * len(x) + column, len(x) - 1)
+        dots, frames = dot_faces(sum(map(len, corners)), _SIDES, cells)
+        middle = 0.5 * np.stack([x[column] + x[column + 1], y[row] + y[row + 1]], axis=1)
+        rims = middle[:, None] + polygon(_SIDES, MARK * square * equal_area(_SIDES))
+        corners.append(rims.reshape(-1, 2))
+        faces[colour].append(frames)
+        faces[1 - colour].append(dots)
     meshes = [
-        flat_mesh(corners, grid_faces(is_dark), dark, "dark"),
-        flat_mesh(corners, grid_faces(~is_dark), bright, "bright"),
+        flat_mesh(np.concatenate(corners), np.concatenate(each), material, name)
+        for each, material, name in zip(faces, (dark, bright), ("dark", "bright"), strict=True)
     ]
     points, index = _lattice(columns - 1, rows - 1, square)
+    if marks.any():
+        return Target(meshes, in_plane(points), index, name="marked checkerboard", marks=marks)
     return Target(meshes, in_plane(points), index, name="checkerboard")
 
 
@@ -137,8 +162,7 @@ def point_grid(
     columns, rows, sides = checked_shape((columns, rows, sides), ("columns", "rows", "sides"), at_most=MOST_SQUARES)
     sides = whole(sides, "sides", at_least=4)
     pitch = length_in_mm(pitch, "pitch")
-    # A polygon of n sides has the area n / 2 sin(2 pi / n) times that of the square over the radius of its corners.
-    reach = length_in_mm(radius, "radius") * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+    reach = length_in_mm(radius, "radius") * equal_area(sides)
     if not reach < pitch / 2:
         raise InvalidValueError(
             f"dots reach {reach:g} mm from their centres; reduce radius {radius:g} mm until that is below half the "
@@ -148,15 +172,9 @@ def point_grid(
     lattice = grid_corners(_lines(columns, pitch), _lines(rows, pitch))
     rims = centres[:, None] + polygon(sides, reach)
     corners = np.concatenate([lattice, rims.reshape(-1, 2)])
-    # Corners of each dot, then of its cell: upper right, upper left, lower left, lower right.
     below = (rows - 1 - index[:, 0]) * (columns + 1) + index[:, 1]
-    cell = below[:, None] + np.array([columns + 2, columns + 1, 0, 1])
-    corner_numbers = np.concatenate([len(lattice) + np.arange(len(centres) * sides).reshape(-1, sides), cell], axis=1)
-    fan = np.stack([np.zeros(sides - 2, dtype=np.int64), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
-    meshes = [
-        flat_mesh(corners, corner_numbers[:, fan].reshape(-1, 3), dark, "dots"),
-        flat_mesh(corners, corner_numbers[:, faces_around(sides)].reshape(-1, 3), bright, "board"),
-    ]
+    dots, frames = dot_faces(len(lattice), sides, cell_corners(below, columns))
+    meshes = [flat_mesh(corners, dots, dark, "dots"), flat_mesh(corners, frames, bright, "board")]
     return Target(meshes, in_plane(centres), index, name="point grid")
 
 

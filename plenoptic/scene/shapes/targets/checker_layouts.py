@@ -6,6 +6,7 @@ Neighbouring triangles share whole edges: a corner within the edge of another on
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +43,16 @@ def grid_faces(chosen: NDArray[np.bool_]) -> Faces:
     a = row * (chosen.shape[1] + 1) + column
     c = a + chosen.shape[1] + 1
     return np.concatenate([np.stack([a, a + 1, c + 1], axis=1), np.stack([a, c + 1, c], axis=1)])
+
+
+def cell_corners(lower_left: NDArray[np.int64], columns: int) -> NDArray[np.int64]:
+    """Corners (n, 4) of cells of a grid by the lower left ones, counter-clockwise from the upper right one."""
+    return np.add.outer(lower_left, [columns + 2, columns + 1, 0, 1])
+
+
+def equal_area(sides: int) -> float:
+    """Radius of the corners of a regular polygon over that of the circle of its area, n / 2 sin(2 pi / n) = pi."""
+    return math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
 
 
 def snap(places: Floats, tolerance: float) -> Floats:
@@ -113,6 +124,13 @@ def faces_around(sides: int) -> Faces:
     last = np.flatnonzero(quadrant != np.roll(quadrant, -1))
     sideways = np.stack([following[last], sides + quadrant[last], sides + (quadrant[last] + 1) % 4], axis=1)
     return np.concatenate([edges, sideways])
+
+
+def dot_faces(first: int, sides: int, cells: NDArray[np.int64]) -> tuple[Faces, Faces]:
+    """Triangles of polygons, whose corners are numbered from the first one, and those around them in cells (n, 4)."""
+    corners = np.concatenate([first + np.arange(len(cells) * sides).reshape(-1, sides), cells], axis=1)
+    fan = np.stack([np.zeros(sides - 2, dtype=np.int64), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
+    return corners[:, fan].reshape(-1, 3), corners[:, faces_around(sides)].reshape(-1, 3)
 
 
 def polygon(sides: int, radius: float) -> Floats:

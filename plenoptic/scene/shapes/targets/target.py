@@ -39,6 +39,8 @@ class Target:
         Line pairs per mm of the bars around each point.
     name : str
         For the reader.
+    marks : (rows, columns) array of bool, optional
+        Squares that have a mark, by `marked_checkerboard`.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Target:
     index: Given[NDArray[np.int64] | None, ArrayLike | None] = Given(default=None)
     frequencies: Given[Floats | None, ArrayLike | None] = Given(default=None)
     name: str = ""
+    marks: Given[NDArray[np.bool_] | None, ArrayLike | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         meshes = tuple(self.meshes) if isinstance(self.meshes, Iterable) else ()
@@ -80,6 +83,9 @@ class Target:
                     "frequencies hold numbers that are not finite and above 0; leave these points out"
                 )
             set_field(self, "frequencies", frequencies)
+
+        if self.marks is not None:
+            set_field(self, "marks", frozen_array(self.marks, name="marks", shape=("rows", "columns"), dtype=np.bool_))
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
