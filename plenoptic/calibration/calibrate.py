@@ -17,11 +17,11 @@ from plenoptic.calibration.fitting.checks import (
     check_residuals,
 )
 from plenoptic.calibration.fitting.covariance import clustered_covariance, pupil_sensitivity
-from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, rotate_points
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, sensor_rays
 from plenoptic.calibration.fitting.halves import HalfFit, fit_halves
-from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, problem_of
+from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, points_of, problem_of
 from plenoptic.calibration.fitting.start_values import start_state
-from plenoptic.calibration.fitting.traced_lens import trace_lens, trace_sources
+from plenoptic.calibration.fitting.traced_lens import trace_lens, trace_rays, trace_sources
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
@@ -104,6 +104,9 @@ def calibrate(
     microlenses, also of three types in a hexagonal array (two in a square one): without signs, by its change with the
     distance of the board. Without blur they are taken to focus the corners in the middle.
 
+    Corners in views of an unfocused camera (1.0) are compared in the plane of their image by the main lens. Its
+    microlenses are taken to have their focal planes on the sensor.
+
     Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these sums
     are larger than with 199 sets of random signs (`ErrorCluster`). Corners and centres hardly tell the exit pupil from
     the principal plane; its prior widens the intervals.
@@ -179,9 +182,14 @@ def _with_lens(problem: Problem, state: State, lens: LensStack) -> Problem:
     centre = lenslets(parameters, problem.centre_grid).centre
     slope = float((np.hypot(centre[:, 0], centre[:, 1]) / centre[:, 2]).max())
     main_lens = trace_lens(lens, float(parameters[P.LENS_TO_ARRAY] / parameters[P.FOCAL_LENGTH]), slope)
-    points = rotate_points(state.poses, problem.frame, problem.board[problem.point]) + state.poses.shift[problem.frame]
-    centre = lenslets(parameters, problem.grid).centre
-    missed = float(np.mean(~trace_sources(main_lens, parameters[P.FOCAL_LENGTH], centre, points).passes))
+    points, _ = points_of(problem, state)
+    array, f = lenslets(parameters, problem.grid), parameters[P.FOCAL_LENGTH]
+    if problem.in_views:
+        ray, _ = sensor_rays(parameters, array, problem.pixel, problem.pixel_pitch)
+        passes = trace_rays(main_lens, f, array.centre, ray, points).passes
+    else:
+        passes = trace_sources(main_lens, f, array.centre, points).passes
+    missed = float(np.mean(~passes))
     if missed > _MAX_MISSED:
         raise InvalidValueError(
             f"lens {lens.name!r} passes no ray to {100 * missed:.0f} % of the corners; give one of a larger field"
@@ -281,10 +289,11 @@ def _layout(observations: Observations, f_number: float, lens: LensStack | None,
     """Parts of the camera that are not fitted together."""
     problem, state = best.problem, best.state
     f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
-    arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
-    depth = -(arms + state.poses.shift[problem.frame])[:, 2]
-    vergence = 1.0 / (array - f * depth / (depth - f))
-    focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
+    focus: tuple[float, ...] = (float(gap),)
+    if not problem.in_views:
+        depth = -points_of(problem, state)[0][:, 2]
+        vergence = 1.0 / (array - f * depth / (depth - f))
+        focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
     index = observations.centre_index
     first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
     return FixedParts(observations.sensor, observations.lattice, f_number, focus, pivot, first, last, lens)

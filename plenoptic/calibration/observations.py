@@ -1,4 +1,4 @@
-"""Observations of a calibration: corners of boards in micro images, and centres of micro images."""
+"""Observations of a calibration: corners of boards in micro images or in views, and centres of micro images."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ class Observations:
 
     Parameters
     ----------
-    index : (n, 2) array of int
-        Lattice indices of the microlens through which a corner is seen, as in `Projection.index`.
+    index : (n, 2) array
+        Lattice indices of the microlens through which a corner is seen, as in `Projection.index`. Fractional ones are
+        the corner's position in a view of an unfocused camera (1.0), between microlenses.
     pixel : (n, 2) array
-        Row and column of the corner's image; whole numbers are centres of pixels.
+        Row and column of the corner's image; whole numbers are centres of pixels. In a view, its pixel of a micro image
+        centred at the corner.
     frame : (n,) array of int
         Number of the image; the camera or the board moves between images.
     point : (n,) array of int
@@ -38,7 +40,7 @@ class Observations:
         Lattice of the microlenses, in any orientation.
     blur : (n,) array, optional
         Radius of the corner's blur in pixels, positive if the microlens focuses in front of the sensor; or the size of
-        that radius, if none is negative. Focal lengths of microlenses follow from it.
+        that radius, if none is negative. Focal lengths of microlenses follow from it, in micro images.
 
     Raises
     ------
@@ -53,7 +55,7 @@ class Observations:
     Observations(1 corner in 1 frame, 1 board point, 1 centre)
     """
 
-    index: Given[NDArray[np.int64], ArrayLike]
+    index: Given[NDArray[np.int64] | Floats, ArrayLike]
     pixel: Given[Floats, ArrayLike]
     frame: Given[NDArray[np.int64], ArrayLike]
     point: Given[NDArray[np.int64], ArrayLike]
@@ -73,7 +75,10 @@ class Observations:
         set_field(self, "board", positions(self.board, name="board", shape=("p", 3)))
         set_field(self, "centre_pixel", positions(self.centre_pixel, name="centre_pixel", shape=("m", 2)))
         n, m = len(self.pixel), len(self.centre_pixel)
-        shapes: dict[str, tuple[Any, ...]] = {"index": (n, 2), "frame": (n,), "point": (n,), "centre_index": (m, 2)}
+        set_field(self, "index", positions(self.index, name="index", shape=(n, 2)))
+        shapes: dict[str, tuple[Any, ...]] = {"frame": (n,), "point": (n,), "centre_index": (m, 2)}
+        if not self.in_views:
+            shapes["index"] = (n, 2)
         for name, shape in shapes.items():
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=shape, dtype=np.int64))
         if self.blur is not None:
@@ -83,6 +88,11 @@ class Observations:
                 f"point holds numbers from {self.point.min()} to {self.point.max()}; the board has {len(self.board)} "
                 "points, counted from 0"
             )
+
+    @property
+    def in_views(self) -> bool:
+        """True for corners in views, whose indices are fractional; False for corners in micro images."""
+        return bool(np.any(self.index % 1))
 
     @property
     def frames(self) -> NDArray[np.int64]:

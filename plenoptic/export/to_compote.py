@@ -197,6 +197,10 @@ def compote_calibration(folder: str | os.PathLike[str], calibration: Calibration
     corners, centres = calibration.corner_residual, calibration.centre_residual
     if (corners.shape, centres.shape) != (observations.pixel.shape, observations.centre_pixel.shape):
         raise InvalidValueError("the observations are not those of the calibration; give the ones it was made from")
+    if observations.in_views:
+        raise InvalidValueError(
+            "the corners lie in views of an unfocused camera; COMPOTE has them in micro images only"
+        )
     target, camera = folder_at(folder), calibration.camera
     geometry, corner_number, number = mesh_numbers(observations)
     index, kind = observations.centre_index, np.zeros(len(number), np.int64)

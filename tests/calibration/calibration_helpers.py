@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import plenoptic as pl
-from plenoptic.calibration.fitting.geometry import project_centres, project_corners
-from plenoptic.calibration.twin import FixedParts
+from plenoptic.calibration.fitting.geometry import project_centres, project_corners, project_views
+from plenoptic.calibration.twin import FixedParts, object_origin
 from plenoptic.core.motions.rotation import rotation_about
 from plenoptic.optics.lens.placement import Placement
 
@@ -138,14 +138,20 @@ def boards_of_50mm(board, n=10, seed=0, **options):
     return boards_in_view(board, n, seed, **({"depths": (-520.0, -330.0)} | options))
 
 
-def true_values(camera, calibration):
+def in_thin_axes(camera, points):
+    """Points of the scene, from the plane of a thin lens."""
+    return points - [0.0, 0.0, object_origin(camera)]
+
+
+def true_values(camera, calibration, pivot=None):
     """Values of the parameters of a camera, with the pivot of a calibration."""
+    pivot = calibration.layout.pivot if pivot is None else pivot
     points = pl.paraxial.cardinal_points(camera.lens)
     array, sensor = camera.microlenses_placement, camera.sensor_placement or Placement()
     normal = array.rotation[:, 2]
     at = np.add(array.shift, (0.0, 0.0, camera.stop_to_microlenses))
     crossing = normal @ at / normal[2]
-    pivot = array.rotation[:, :2] @ (camera.microlenses.basis.T @ np.array(calibration.layout.pivot)) + at
+    pivot = array.rotation[:, :2] @ (camera.microlenses.basis.T @ np.array(pivot)) + at
     tilt_y = np.arctan2(normal[0], normal[2])
     tilt_x = -np.arcsin(normal[1])
     cx, sx, cy, sy = np.cos(tilt_x), np.sin(tilt_x), np.cos(tilt_y), np.sin(tilt_y)
@@ -163,3 +169,62 @@ def true_values(camera, calibration):
     values[[P.TILT_X, P.TILT_Y]] = tilt_x, tilt_y
     values[[P.AXIS_ROW, P.AXIS_COLUMN]] = axis
     return values
+
+
+def parameters_1_0(**changes):
+    """A thin lens before an unfocused array, like a Lytro camera's."""
+    usual = {"FOCAL_LENGTH": 51.0, "LENS_TO_ARRAY": 58.0, "ARRAY_TO_SENSOR": 0.5, "PITCH": 0.127}
+    return parameters(**(usual | changes))
+
+
+def seen_in_views(values, points, offsets, main_lens=None):
+    """Lattice positions, in pitches from the pivot, and pixels at which points (n, 3) are seen at offsets (n, 2)."""
+    position, step = np.zeros((len(points), 2)), 1e-3
+
+    def miss(at):
+        centre, _ = project_centres(values, at, SENSOR.pixel_pitch, main_lens)
+        return project_views(values, at, centre + offsets, points, SENSOR.pixel_pitch, main_lens).pixel
+
+    # The image of a point on the array's axis is a first guess; then Newton's method, of nearly linear functions.
+    depth, f = -points[:, 2], values[P.FOCAL_LENGTH]
+    z = f * depth / (depth - f)
+    centre = (points[:, :2] * (-z / depth)[:, None] * (values[P.LENS_TO_ARRAY] / z)[:, None]) / values[P.PITCH]
+    turn = values[P.TURN]
+    position = centre @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    for _ in range(5):
+        value = miss(position)
+        slope = np.stack([(miss(position + s) - value) / step for s in step * np.eye(2)], axis=2)
+        position = position - np.linalg.solve(slope, value[:, :, None])[:, :, 0]
+    centre, _ = project_centres(values, position, SENSOR.pixel_pitch, main_lens)
+    return position, centre + offsets
+
+
+def simulated_views(values, boards, design, *, noise=(0.0, 0.0), seed=0, radius=4.2, main_lens=None):
+    """Observations of corners in views by the formulas, with errors of lattice positions in pixels."""
+    plan, rng = layout(values), np.random.default_rng(seed)
+    steps = np.arange(plan.first[0], plan.last[0] + 1)
+    index = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    centre, _ = project_centres(values, index @ plan.basis, SENSOR.pixel_pitch, main_lens)
+    inside = ((centre > 4) & (centre < np.array(SENSOR.shape) - 5)).all(axis=1)
+    reach = np.arange(-int(radius), int(radius) + 1)
+    views = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    views = views[np.hypot(*views.T) <= radius]
+    frame, point, view = (
+        each.ravel() for each in np.meshgrid(*map(np.arange, (len(boards), len(design), len(views))), indexing="ij")
+    )
+    position, pixel = seen_in_views(values, np.array(boards)[frame, point], views[view].astype(float), main_lens)
+    shown = ((pixel > 8) & (pixel < np.array(SENSOR.shape) - 9)).all(axis=1)
+    error = noise[0] * SENSOR.pixel_pitch / values[P.PITCH] * rng.standard_normal(position.shape)
+    # A view has its offset from the micro image where the corner is taken to be.
+    pixel += project_centres(values, position + error, SENSOR.pixel_pitch, main_lens)[0]
+    pixel -= project_centres(values, position, SENSOR.pixel_pitch, main_lens)[0]
+    return pl.calibration.Observations(
+        index=((position + error) @ np.linalg.inv(plan.basis))[shown],
+        pixel=pixel[shown],
+        frame=frame[shown],
+        point=point[shown],
+        board=design,
+        centre_index=index[inside],
+        centre_pixel=centre[inside] + noise[1] * rng.standard_normal((inside.sum(), 2)),
+        sensor=SENSOR,
+    )

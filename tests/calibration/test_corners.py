@@ -191,7 +191,7 @@ PARTS = (
     ("K1", 270.0, (10.0, -13.0)),
     ("K1", 60.0, (-14.0, -9.0)),
 )
-"""Turns in degrees and shifts of a marked board, of which the camera sees 12 to 28 corners of 88."""
+"""Turns in degrees and shifts of a marked board, of which the camera sees less than half of 88 corners."""
 
 
 @pytest.mark.parametrize(("kind", "turn", "shift"), PARTS)
@@ -202,7 +202,7 @@ def test_parts_of_a_marked_board_have_its_numbers(kind, turn, shift):
         error, truth, met = errors_of(corners, camera, board)
         # Neighbours' images are 10 pixels apart.
         assert np.hypot(*error.T).max() < 1.0 and np.sqrt(np.mean(error**2)) < rms
-        assert 10 < len(np.unique(corners.point)) < 30 and share_found(camera, truth, met) > rate
+        assert 10 < len(np.unique(corners.point)) < 44 and share_found(camera, truth, met) > rate
 
 
 def test_marks_tell_half_a_turn():

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.calibration.corners.board_plane import TURNS, BoardPlane
 from plenoptic.calibration.corners.corner_fit import Windows
-from plenoptic.calibration.corners.saddle_points import Patches
+from plenoptic.calibration.corners.patches import Patches
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 

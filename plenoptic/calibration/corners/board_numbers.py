@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from plenoptic.calibration.corners.board_marks import place_by_marks
 from plenoptic.calibration.corners.board_plane import TURNS, BoardPlane, fit_homography, fit_plane, invert, project
-from plenoptic.calibration.corners.saddle_points import Patches
+from plenoptic.calibration.corners.patches import Patches
 from plenoptic.calibration.corners.virtual_points import VirtualPoints
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -32,7 +32,7 @@ def number_points(
     rows, place = _lattice(points) if len(points.w) else (np.zeros(0, np.int64), np.zeros((0, 2), np.int64))
     if len(rows) < _MIN_POINTS or min(np.ptp(place, axis=0)) < 1:
         raise InvalidValueError(
-            f"the image shows no board: {len(points.w)} virtual points of corners, {len(rows)} of them on one lattice; "
+            f"the image shows no board: {len(points.w)} possible corners, {len(rows)} of them on one lattice; "
             "give the raw image of a checkerboard that several micro images show"
         )
     kind = _kinds(points, rows, place)

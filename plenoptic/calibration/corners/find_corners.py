@@ -1,4 +1,4 @@
-"""Corners of a checkerboard in the micro images of raw images, numbered."""
+"""Corners of a checkerboard in the micro images or views of raw images, numbered."""
 
 from __future__ import annotations
 
@@ -11,30 +11,23 @@ from numpy.typing import ArrayLike, NDArray
 from plenoptic.calibration.corners.board_marks import without_marks
 from plenoptic.calibration.corners.board_numbers import number_points
 from plenoptic.calibration.corners.board_plane import BoardPlane
-from plenoptic.calibration.corners.corner_fit import CornerFit, fit_corners
-from plenoptic.calibration.corners.saddle_points import Patches, saddle_points
-from plenoptic.calibration.corners.vignetting import border_blur, cone_displacement
+from plenoptic.calibration.corners.corner_fit import CornerFit, Windows, fit_corners
+from plenoptic.calibration.corners.patches import UNVIGNETTED, Patches, patches_of
+from plenoptic.calibration.corners.saddle_points import saddle_points
+from plenoptic.calibration.corners.view_corners import find_view_corners, has_low_depth
+from plenoptic.calibration.corners.vignetting import cone_displacement
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.white_image import equalise, mean_filter
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.display import picture_of
-from plenoptic.core.values import Floats, Given, check_kind, plain_array, value
+from plenoptic.core.values import Floats, Given, check_kind, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.microlens.lattice import Lattice, default_pattern
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.readout.raw import RawImage
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.scene.shapes.targets.target import Target
 
-_LIT, _UNVIGNETTED = (0.5, 0.95), (0.7, 0.8)
-"""Least light of pixels over that of their micro image in the white image, smooth, and, without one, largest distance
-from the centre over the radius: for the search and for the last fit."""
-_RIM = 1.3
-"""Largest distance from the centre at which the border of a micro image is looked for, over its radius."""
-_BRIGHT = 0.98
-"""Quantile of the light in the window around a micro image that counts as its brightest."""
 _SEARCH, _WINDOW, _MIN_WINDOW, _SPACING = 0.5, 0.7, 3.0, 0.8
 """Radius of windows over that of micro images, in the search and in the last fit, their least radius in pixels, and
 largest one over the distance of neighbouring corners."""
@@ -55,16 +48,17 @@ _NEAR, _OUTLIER = 0.2, 4.0
 
 @value
 class BoardCorners:
-    """Corners of a board in the micro images of one raw image.
+    """Corners of a board in the micro images of one raw image, or in the views of an unfocused camera (1.0).
 
     Parameters
     ----------
-    index : (n, 2) array of int
-        Indices of the micro images, as in the `MicroImageGrid`.
+    index : (n, 2) array
+        Indices of the micro images, as in the `MicroImageGrid`. In views, fractional ones: the corner's position
+        between the micro images.
     pixel : (n, 2) array
-        Row and column of each corner.
+        Row and column of each corner. In views, those of the view's pixel in a micro image centred at the corner.
     standard_error : (n, 2) array
-        Standard errors of rows and columns, by the residuals.
+        Standard errors of rows and columns, by the residuals. In views, those of the position between micro images.
     point : (n,) array of int
         Row of the board's `points`.
     blur : (n,) array
@@ -75,11 +69,16 @@ class BoardCorners:
     See `find_corners`, which makes them.
     """
 
-    index: Given[NDArray[np.int64], ArrayLike]
+    index: Given[NDArray[np.int64] | Floats, ArrayLike]
     pixel: Given[Floats, ArrayLike]
     standard_error: Given[Floats, ArrayLike]
     point: Given[NDArray[np.int64], ArrayLike]
     blur: Given[Floats, ArrayLike]
+
+    @property
+    def in_views(self) -> bool:
+        """True for corners in views; False for corners in micro images."""
+        return bool(np.any(np.mod(self.index, 1)))
 
     _repr_html_ = picture_of
 
@@ -87,8 +86,8 @@ class BoardCorners:
         return len(self.point)
 
     def __repr__(self) -> str:
-        images = len(np.unique(self.index, axis=0))
-        return f"BoardCorners({len(self)} corners of {len(np.unique(self.point))} points in {images} micro images)"
+        images = "views" if self.in_views else f"{len(np.unique(self.index, axis=0))} micro images"
+        return f"BoardCorners({len(self)} corners of {len(np.unique(self.point))} points in {images})"
 
 
 def find_corners(
@@ -98,15 +97,17 @@ def find_corners(
     *,
     white: ArrayLike | Exposure | RawImage | None = None,
 ) -> BoardCorners:
-    """Find the corners of a checkerboard in the micro images of a raw image, and which of the board each is.
+    """Find the corners of a checkerboard in a raw image, and which of the board each is.
 
-    Nothing is known of the camera but the lattice of its micro images.
+    Nothing is known of the camera but the lattice of its micro images. Corners are found in the micro images of a
+    focused camera (2.0), and in the views of an unfocused one (1.0), each of whose micro images holds one point of the
+    scene.
 
     Parameters
     ----------
     raw : (H, W), (H, W, 1) or (H, W, 3) array_like, Exposure or RawImage
-        Raw image that shows the whole board, each of its corners in several micro images. Of a marked board
-        4 x 4 squares suffice.
+        Raw image that shows the whole board, each of its corners in several micro images or views. Of a marked board,
+        in micro images, 4 x 4 squares suffice.
     grid : MicroImageGrid
         By `find_micro_images`, of the same camera and focus.
     board : Target
@@ -140,9 +141,13 @@ def find_corners(
     A checkerboard with an odd number of squares along one side and an even one along the other looks different after
     half a turn. If it does not, the turn is chosen with which columns run as those of the raw image do most nearly:
     turn such a board by less than 90 degrees between images. A mirrored raw image is that of a mirrored camera, and is
-    not refused; that of a marked board is. Micro images of an unfocused camera (1.0) show no corners, since each holds
-    one point of the scene. Errors are those of the residuals; with blur over half of a micro image, true ones are up
-    to twice as large.
+    not refused; that of a marked board is. Errors are those of the residuals; with blur over half of a micro image,
+    true ones are up to twice as large.
+
+    In views, light of the pixels at one offset from the centres of the micro images is taken at the microlenses, where
+    the same model is fitted to it. The board is numbered in the view of the centres; the others begin with its corners
+    and their disparities. Views are searched if the mean virtual depth, by the slopes of the light within and between
+    micro images, is below 2.5.
 
     Examples
     --------
@@ -157,11 +162,24 @@ def find_corners(
     >>> len(corners) > 150, sorted(set(corners.point.tolist())) == list(range(12))
     (True, True)
     """
+    return _find_corners(raw, grid, board, white, in_views=False)
+
+
+def _find_corners(raw: Any, grid: MicroImageGrid, board: Target, white: Any, *, in_views: bool) -> BoardCorners:
+    """Corners in micro images or views as the light says, or in views in any case."""
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
     shape = _corners_of(board)
-    lit, patches = _patches(raw, white, grid)
+    lit, patches = patches_of(raw, white, grid)
+    if in_views or has_low_depth(patches, grid.basis):
+        if board.marks is not None:
+            raise InvalidValueError(
+                "the camera is unfocused (1.0), whose views do not tell marks; photograph a board without marks"
+            )
+        views = find_view_corners(patches, grid.basis, shape)
+        pixel = grid.centres_of(views.lattice_index) + views.offset
+        return BoardCorners(views.lattice_index, pixel, views.standard_error, views.point, views.sigma / _DISC)
     candidates, image = _candidates(lit)
-    centre, radius = patches.centre[image], float(np.median(patches.radius)) * _UNVIGNETTED[1]
+    centre, radius = patches.centre[image], float(np.median(patches.radius)) * UNVIGNETTED[1]
     points = virtual_points(patches.lattice_index[image], centre, candidates, grid.basis, radius)
     numbers, plane = number_points(points, shape, patches, board.marks)
     corners, image, point = _fit_all(patches, points, numbers, plane, shape, grid.pitch, board.marks)
@@ -182,7 +200,7 @@ def observe(
     Parameters
     ----------
     raws : sequence of raw images
-        One for each pose of the board, see `find_corners`.
+        One for each pose of the board, see `find_corners`. If one asks for corners in views, all have them.
     white : as a raw image
         See `find_micro_images`.
     board : Target
@@ -214,12 +232,16 @@ def observe(
     if isinstance(raws, (Exposure, RawImage)):
         raise InvalidValueError("raws is one raw image; give a list of them, one for each pose of the board")
     grid = find_micro_images(white)
-    frames = []
-    for number, raw in enumerate(raws):
-        try:
-            frames.append(find_corners(raw, grid, board, white=white))
-        except InvalidValueError as error:
-            raise InvalidValueError(f"image {number}: {error}") from None
+    results = [_corners_or_error(raw, grid, board, white) for raw in raws]
+    in_views = any(isinstance(each, BoardCorners) and each.in_views for each in results)
+    frames: list[BoardCorners] = []
+    for number, (raw, corners) in enumerate(zip(raws, results, strict=True)):
+        if in_views and not (isinstance(corners, BoardCorners) and corners.in_views):
+            # One camera is of one kind: far from its focus the light varies within micro images, too.
+            corners = _corners_or_error(raw, grid, board, white, in_views=True)
+        if isinstance(corners, InvalidValueError):
+            raise InvalidValueError(f"image {number}: {corners}")
+        frames.append(corners)
     if not frames:
         raise InvalidValueError("raws is empty; give one raw image or more")
     assert grid.index is not None and grid.centre is not None
@@ -233,8 +255,17 @@ def observe(
         centre_pixel=grid.centre,
         sensor=Sensor(shape=grid.shape, pixel_pitch=pixel_pitch),
         lattice=grid.lattice,
-        blur=np.concatenate([frame.blur for frame in frames]),
+        blur=None if in_views else np.concatenate([frame.blur for frame in frames]),
     )
+
+
+def _corners_or_error(
+    raw: Any, grid: MicroImageGrid, board: Target, white: Any, *, in_views: bool = False
+) -> BoardCorners | InvalidValueError:
+    try:
+        return _find_corners(raw, grid, board, white, in_views=in_views)
+    except InvalidValueError as error:
+        return error
 
 
 def _corners_of(board: Target) -> tuple[int, int]:
@@ -249,68 +280,6 @@ def _corners_of(board: Target) -> tuple[int, int]:
                 )
             return rows, columns
     raise InvalidValueError(f"board is {board!r}, no checkerboard; give pl.targets.checkerboard(9, 6, square=2.0)")
-
-
-def _light(image: Any, name: str, shape: tuple[int, int]) -> Floats:
-    """Light above black (H, W)."""
-    black: float | None = None
-    if isinstance(image, Exposure):
-        data, black = image.image, 0.0
-    elif isinstance(image, RawImage):
-        data, black = image.data, image.black_level
-    else:
-        data = plain_array(image, name)
-    if data.shape[:2] != shape or data.ndim not in (2, 3) or data.shape[2:] not in ((), (1,), (3,)):
-        raise InvalidValueError(f"{name} has shape {data.shape}; the micro images are those of {shape[0]} x {shape[1]}")
-    plane = data.astype(np.float64).reshape(*shape, -1).mean(axis=2)
-    if not np.isfinite(plane).all():
-        raise InvalidValueError(f"{name} holds values that are not finite; correct them")
-    return np.asarray(plane - (np.percentile(plane, 0.1) if black is None else black))
-
-
-def _patches(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patches]:
-    """Micro images with their lit pixels, and with those that are not vignetted."""
-    light = _light(raw, "raw", grid.shape)
-    gain = np.ones(grid.shape)
-    if white is None:
-        equalise(light)
-    else:
-        gain = _light(white, "white", grid.shape)
-        light = light / np.maximum(gain, 1e-3 * np.percentile(gain, 99))
-        equalise(gain)
-    index = grid.on_sensor
-    (kind, radius), centre = _kinds(grid, index), grid.centres_of(index)
-    reach = int(np.ceil(radius.max() + 1.0))
-    corner = np.rint(centre).astype(np.int64) - reach
-    row, column = (corner[:, k, None] + np.arange(2 * reach + 1) for k in (0, 1))
-    distance = np.hypot(row[:, :, None] - centre[:, 0, None, None], column[:, None] - centre[:, 1, None, None])
-    at = np.clip(row, 0, grid.shape[0] - 1)[:, :, None], np.clip(column, 0, grid.shape[1] - 1)[:, None]
-    on_sensor = ((row >= 0) & (row < grid.shape[0]))[:, :, None] & ((column >= 0) & (column < grid.shape[1]))[:, None]
-    weight = gain[at] * on_sensor
-    smooth = mean_filter(np.pad(gain, 1, mode="edge"))[at]
-    bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), _BRIGHT, axis=1), 1e-300)[:, None, None]
-    lit, unvignetted = (
-        weight * ((smooth > least * bright) & (distance < (part if white is None else 1.1) * radius[:, None, None]))
-        for least, part in (_LIT, _UNVIGNETTED)
-    )
-    visible, border = gain[at] / bright, np.zeros(len(index))
-    if white is not None:
-        border = border_blur(visible * (distance < _RIM * radius[:, None, None]))
-        border = np.array([np.median(border[kind == k]) for k in range(int(kind.max()) + 1)])[kind]
-    patches = Patches(index, centre, radius, corner, light[at], lit, visible, kind, border)
-    return patches, patches._replace(weight=unvignetted)
-
-
-def _kinds(grid: MicroImageGrid, index: NDArray[np.int64]) -> tuple[NDArray[np.int64], Floats]:
-    """Type (n,) of micro images, also where images of types are alike, and the median radius of the type."""
-    pattern = grid.type_pattern
-    if not pattern.max():
-        pattern = default_pattern(3 if grid.lattice is Lattice.HEXAGONAL else 2)
-    kind = pattern[tuple(np.mod(index, pattern.shape).T)]
-    if grid.radius is None or grid.index is None:
-        return kind, np.full(len(index), 0.42 * grid.pitch)
-    measured = pattern[tuple(np.mod(grid.index, pattern.shape).T)]
-    return kind, np.array([np.median(grid.radius[measured == k]) for k in range(int(pattern.max()) + 1)])[kind]
 
 
 def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
@@ -374,13 +343,13 @@ def _fit_all(
         raise InvalidValueError(
             "corners are blurred over more than a third of a square; focus better, or take a board of larger squares"
         )
-    corners, image, point, start, size = corners.rows(good), image[good], point[good], start[good], size[good]
+    corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
     if patches.border.any():
-        displacement = cone_displacement(
-            corners.sigma / _DISC, patches.border[image], w[point], patches.kind[image], pitch
-        )
-        windows = patches.windows(image, corners.pixel, size, displacement)
-        corners = fit_corners(windows, corners.pixel, corners.angle, _BLUR)
+        blur, border, kind = corners.sigma / _DISC, patches.border[image], patches.kind[image]
+        displacement = cone_displacement(blur, border, w[point], kind, pitch)
+        pixel, light, weight = (part[good] for part in windows)
+        pixel = pixel + displacement[:, None, None] * patches.visible_centres(image, pixel)
+        corners = fit_corners(Windows(pixel, light, weight), corners.pixel, corners.angle, _BLUR)
         good = _is_corner(patches, corners, image, start)
         corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
     good = np.zeros(len(point), dtype=bool)

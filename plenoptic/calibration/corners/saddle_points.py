@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.corners.corner_fit import Windows
-from plenoptic.calibration.corners.vignetting import visible_centre
+from plenoptic.calibration.corners.patches import Patches
 from plenoptic.core.values import Floats
 
 _SCALE, _FILL = 1.2, 1.5
@@ -17,66 +16,6 @@ _MIN_CURVATURE, _NOISE = 0.01, 4.0
 """Least curvature of a saddle in units of the bright light, and in medians of all."""
 _SAMPLE, _CHUNK = 500, 2048
 """Micro images that give the least curvature, and those that are searched together."""
-_PAIRS = 1 << 20
-"""Pairs of micro images and points that are compared together."""
-
-
-class Patches(NamedTuple):
-    """Square windows around micro images."""
-
-    lattice_index: NDArray[np.int64]
-    """(n, 2)."""
-    centre: Floats
-    """(n, 2): row and column."""
-    radius: Floats
-    """(n,)."""
-    corner: NDArray[np.int64]
-    """(n, 2): first row and column of the window."""
-    light: Floats
-    """(n, s, s)."""
-    weight: Floats
-    """(n, s, s): 0 outside the micro image."""
-    white: Floats
-    """(n, s, s): white image over its brightest in the micro image; 1 without a white image."""
-    kind: NDArray[np.int64]
-    """(n,): type of the microlens."""
-    border: Floats
-    """(n,): radius in pixels of the blur of the micro image's border, 0 without a white image."""
-
-    def rows(self, chosen: NDArray[np.int64]) -> Patches:
-        """Some of the windows."""
-        return Patches._make(part[chosen] for part in self)
-
-    def visible(self, position: Floats, w: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Micro images and virtual points (k, 2) that they should show, with their reciprocal virtual depths (k,)."""
-        parts = []
-        step = max(1, _PAIRS // max(len(w), 1))
-        for first in range(0, len(self.centre), step):
-            rows = slice(first, first + step)
-            offset = (position - self.centre[rows, None]) * w[:, None]
-            image, point = np.nonzero(np.hypot(offset[..., 0], offset[..., 1]) < self.radius[rows, None])
-            parts.append((image + first, point))
-        image, point = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return image, point
-
-    def windows(
-        self, image: NDArray[np.int64], pixel: Floats, radius: Floats, displacement: Floats | None = None
-    ) -> Windows:
-        """Windows of radii (m,) around pixels (m, 2) in micro images (m,), with `cone_displacement` (m,) taken off."""
-        reach = int(np.ceil(radius.max(initial=0.0)))
-        steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        place = np.rint(pixel).astype(np.int64)[:, None] + steps
-        local = place - self.corner[image, None]
-        side = self.light.shape[1]
-        inside = ((local >= 0) & (local < side)).all(axis=-1)
-        row, column = np.clip(local, 0, side - 1).transpose(2, 0, 1)
-        distance = np.hypot(*(place - pixel[:, None]).transpose(2, 0, 1))
-        light = self.light[image[:, None], row, column]
-        weight = self.weight[image[:, None], row, column] * (inside & (distance < radius[:, None]))
-        seen = place.astype(np.float64)
-        if displacement is not None:
-            seen += displacement[:, None, None] * visible_centre(self.white, image[:, None], row, column)
-        return Windows(seen, light, weight)
 
 
 class Saddles(NamedTuple):

@@ -31,7 +31,7 @@ _MAX_RELATIVE_ERROR = 0.1
 
 def check_observations(observations: Observations, problem: Problem) -> None:
     """Raise an InvalidValueError if boards are too few, or corners and centres do not belong together."""
-    frames = observations.frames
+    frames, views = observations.frames, "in {} views" if observations.in_views else "through {} microlenses"
     if len(frames) < _MIN_FRAMES:
         raise InvalidValueError(
             f"the observations hold {len(frames)} frame{'s' * (len(frames) != 1)}; a calibration needs at least "
@@ -43,7 +43,7 @@ def check_observations(observations: Observations, problem: Problem) -> None:
         flat = observations.board[points] - observations.board[points[:1]]
         if len(points) < _MIN_POINTS or np.linalg.matrix_rank(flat, tol=1e-6 * np.abs(flat).max()) < 2:
             raise InvalidValueError(
-                f"frame {frame} shows {len(points)} points of the board through {MIN_LENSES} microlenses or more; it "
+                f"frame {frame} shows {len(points)} points of the board {views.format(MIN_LENSES)} or more; it "
                 f"needs at least {_MIN_POINTS} that do not lie on a line: leave the frame out"
             )
     index = observations.centre_index

@@ -4,6 +4,9 @@ The axes are those of the camera at the rear principal plane of the main lens: x
 sensor. Distances of objects count from the front principal plane. The chief ray of a microlens runs straight from the
 image of a point, or from the centre of the exit pupil, through the centre of the microlens to the sensor. The array
 crosses the axis at z = D, and the sensor is perpendicular to the axis at z = D + d.
+
+Corners in micro images are compared on the sensor, which has no limit for images of points on the array. Corners in
+views are compared in the plane of the image, with the ray from the pixel through the lattice position.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.traced_lens import TracedLens, exit_pupils, trace_sources
+from plenoptic.calibration.fitting.traced_lens import TracedLens, exit_pupils, trace_rays, trace_sources
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.placement import rotation_about_axis
 
@@ -155,6 +158,55 @@ def project_corners(
     pixel, slope = _to_pixels(parameters, hit, slope, pixel_pitch)
     on_sensor = np.stack([by_source[:, 1], -by_source[:, 0]], axis=1) / pixel_pitch
     return Corners(pixel, slope, on_sensor @ by_point)
+
+
+def project_views(
+    parameters: Floats,
+    grid: Floats,
+    pixel: Floats,
+    points: Floats,
+    pixel_pitch: float,
+    main_lens: TracedLens | None = None,
+) -> Corners:
+    """Distances of images of points (n, 3) from rays from pixels (n, 2) through lattice positions (n, 2), in pixels.
+
+    They are measured in the plane of the image, and those of a prescription in the plane of the point, times the
+    magnification. An error of the lattice position leads to the same distance.
+    """
+    lens = lenslets(parameters, grid)
+    image, by_point, by_focal_length, by_distortion = _images(parameters, points)
+    ray, by_parameters = sensor_rays(parameters, lens, pixel, pixel_pitch)
+    gap = lens.centre[:, 2:] - image[:, 2:]
+    offset = image[:, :2] - lens.centre[:, :2] + gap * ray
+    slope = gap[:, :, None] * by_parameters + ray[:, :, None] * lens.slope[:, 2:] - lens.slope[:, :2]
+    across = np.concatenate([np.tile(np.eye(2), (len(ray), 1, 1)), -ray[:, :, None]], axis=2)
+    slope[:, :, P.DISTORTION] += np.einsum("nij,nj->ni", across, by_distortion)
+    slope[:, :, P.FOCAL_LENGTH] += np.einsum("nij,nj->ni", across, by_focal_length)
+    by_point = across @ by_point
+    if main_lens is not None:
+        f = parameters[P.FOCAL_LENGTH]
+        traced, beyond = trace_rays(main_lens, f, lens.centre, ray, points), -points[:, 2:] - f
+        passes, m = traced.passes, (f / beyond)[:, :, None]
+        offset[passes] = (m[:, 0] * traced.miss)[passes]
+        by_point[passes] = (m * traced.by_point)[passes]
+        by_point[passes, :, 2] += (traced.miss * f / beyond**2)[passes]
+        slope[passes] = (m * (traced.by_centre @ lens.slope + traced.by_slope @ by_parameters))[passes]
+        by_f = m[:, 0] * traced.by_focal_length - traced.miss * points[:, 2:] / beyond**2
+        slope[passes, :, P.FOCAL_LENGTH] += by_f[passes]
+    return Corners(*(np.stack([x[:, 1], -x[:, 0]], axis=1) / pixel_pitch for x in (offset, slope, by_point)))
+
+
+def sensor_rays(parameters: Floats, lens: LensCentres, pixel: Floats, pixel_pitch: float) -> tuple[Floats, Floats]:
+    """Slopes dx/dz, dy/dz (n, 2) of rays from lattice positions to pixels, and their derivatives (n, 2, COUNT)."""
+    row, column = (pixel - parameters[[P.AXIS_ROW, P.AXIS_COLUMN]]).T * pixel_pitch
+    length = parameters[P.LENS_TO_ARRAY] + parameters[P.ARRAY_TO_SENSOR] - lens.centre[:, 2:]
+    ray = (np.column_stack([-column, row]) - lens.centre[:, :2]) / length
+    slope = ray[:, :, None] * lens.slope[:, 2:] - lens.slope[:, :2]
+    slope[:, 0, P.AXIS_COLUMN] += pixel_pitch
+    slope[:, 1, P.AXIS_ROW] -= pixel_pitch
+    for p in (P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR):
+        slope[:, :, p] -= ray
+    return ray, slope / length[:, :, None]
 
 
 def _images(parameters: Floats, points: Floats) -> tuple[Floats, Floats, Floats, Floats]:

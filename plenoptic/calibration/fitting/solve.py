@@ -12,6 +12,7 @@ from plenoptic.calibration.fitting.geometry import (
     Poses,
     project_centres,
     project_corners,
+    project_views,
     rotate_points,
     rotations,
 )
@@ -37,7 +38,7 @@ class Problem(NamedTuple):
     """Observations as arrays, standard deviations, and unknowns."""
 
     grid: Floats
-    """(n, 2) microlenses of the corners in pitches from the pivot."""
+    """(n, 2) microlenses of the corners, or lattice positions between them, in pitches from the pivot."""
     pixel: Floats
     frame: NDArray[np.int64]
     """(n,) numbered from 0 without gaps."""
@@ -57,6 +58,8 @@ class Problem(NamedTuple):
     """Standard deviation of a coordinate of corners and of centres in pixels."""
     main_lens: TracedLens | None = None
     """Prescription of the main lens; None: a thin lens."""
+    in_views: bool = False
+    """True for corners in views, whose residuals are those in the plane of their image."""
 
     @property
     def frames(self) -> int:
@@ -139,19 +142,27 @@ def cells_of(problem: Problem) -> CornerGroups:
     return CornerGroups(rows, np.concatenate(unknowns, axis=1))
 
 
+def points_of(problem: Problem, state: State) -> tuple[Floats, Floats]:
+    """Points of the corners (n, 3) in the camera's axes, and relative to the origins of their boards."""
+    arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
+    return arms + state.poses.shift[problem.frame], arms
+
+
 def evaluate(problem: Problem, state: State) -> Evaluation:
     """Residuals and derivatives at a state."""
     free, (corner_sigma, centre_sigma) = problem.free, problem.sigma
-    arms = rotate_points(state.poses, problem.frame, (problem.board + state.offset)[problem.point])
-    points = arms + state.poses.shift[problem.frame]
-    projection = project_corners(state.parameters, problem.grid, points, problem.pixel_pitch, problem.main_lens)
+    points, arms = points_of(problem, state)
+    pitch, lens = problem.pixel_pitch, problem.main_lens
+    if problem.in_views:
+        projection = project_views(state.parameters, problem.grid, problem.pixel, points, pitch, lens)
+        corners = projection.pixel / corner_sigma
+    else:
+        projection = project_corners(state.parameters, problem.grid, points, pitch, lens)
+        corners = (projection.pixel - problem.pixel) / corner_sigma
     slopes = [projection.slope[:, :, free], np.cross(arms[:, None, :], projection.by_point), projection.by_point]
     if problem.board_sigma > 0:
         slopes.append(projection.by_point @ state.poses.turn[problem.frame])
-    corners = (projection.pixel - problem.pixel) / corner_sigma
-    middle, middle_slope = project_centres(
-        state.parameters, problem.centre_grid, problem.pixel_pitch, problem.main_lens
-    )
+    middle, middle_slope = project_centres(state.parameters, problem.centre_grid, pitch, lens)
     centres = (middle - problem.centre_pixel) / centre_sigma
     penalty = np.zeros(problem.unknowns)
     mean, precision = problem.prior.T
@@ -293,5 +304,5 @@ def problem_of(observations: Observations, basis: Floats, free: NDArray[np.bool_
     board = observations.board - observations.board.mean(axis=0)
     return Problem(
         grid, observations.pixel, frame, observations.point, centre_grid, observations.centre_pixel,
-        observations.sensor.pixel_pitch, board, free, np.zeros((COUNT, 2)), 0.0,
+        observations.sensor.pixel_pitch, board, free, np.zeros((COUNT, 2)), 0.0, in_views=observations.in_views,
     )  # fmt: skip

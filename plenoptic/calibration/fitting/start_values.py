@@ -41,17 +41,21 @@ def image_lattice(grid: Floats, pixel: Floats) -> ImageLattice:
 
 
 class _Bundles(NamedTuple):
-    """Lines of light through the array: a corner's pixel is height + slope times that of the micro image's centre."""
+    """Lines of light through the array: scale times a corner's pixel is height + slope times that of the centre."""
 
     frame: NDArray[np.int64]
     point: NDArray[np.int64]
+    scale: Floats
     slope: Floats
     height: Floats
     """(c, 2) x and y in mm."""
 
 
 def _bundles(problem: Problem, lattice: ImageLattice, axis: Floats) -> _Bundles:
-    """Fit of each corner of each frame that enough microlenses see, to x and y in mm from the axis."""
+    """Fit of each corner of each frame that enough microlenses see, to x and y in mm from the axis.
+
+    Scales are 1 in micro images. In views slopes are 1, as one position of the array may have the corner in all views.
+    """
     to_xy = problem.pixel_pitch * np.array([[0.0, 1.0], [-1.0, 0.0]])
     centre, corner = ((each - axis) @ to_xy for each in (lattice.origin + problem.grid @ lattice.steps, problem.pixel))
     points = len(problem.board)
@@ -60,13 +64,18 @@ def _bundles(problem: Problem, lattice: ImageLattice, axis: Floats) -> _Bundles:
     def mean(values: Floats) -> Floats:
         return np.column_stack([np.bincount(cell, each, len(names)) / counts for each in values.T])
 
-    middle, image = mean(centre), mean(corner)
-    spread = mean((centre - middle[cell]) ** 2).sum(axis=1)
-    both = mean((centre - middle[cell]) * (corner - image[cell])).sum(axis=1)
+    by, of = (corner, centre) if problem.in_views else (centre, corner)
+    by_mean, of_mean = mean(by), mean(of)
+    spread = mean((by - by_mean[cell]) ** 2).sum(axis=1)
+    both = mean((by - by_mean[cell]) * (of - of_mean[cell])).sum(axis=1)
     # Three microlenses in a triangle are the fewest that tell the slope.
     used = (counts >= MIN_LENSES) & (spread > 0)
     slope = both[used] / spread[used]
-    return _Bundles(names[used] // points, names[used] % points, slope, image[used] - slope[:, None] * middle[used])
+    frame, point, ones = names[used] // points, names[used] % points, np.ones(len(slope))
+    height = of_mean[used] - slope[:, None] * by_mean[used]
+    if problem.in_views:
+        return _Bundles(frame, point, slope, ones, -height)
+    return _Bundles(frame, point, ones, slope, height)
 
 
 def start_state(problem: Problem, focal_length: float, distances: tuple[float, float] | None = None) -> State:
@@ -126,11 +135,11 @@ def _parameters(
 def _poses(problem: Problem, bundles: _Bundles, focal_length: float, array: float, gap: float) -> tuple[float, Poses]:
     """Mean square distance of the boards from their images brought back through the lens, mm^2, and their poses."""
     at_infinity = gap / array
-    s = bundles.slope * (1.0 + at_infinity) - 1.0
+    s = bundles.slope * (1.0 + at_infinity) - bundles.scale
     frames = problem.frames
     nothing = np.inf, Poses(np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = array - gap / s
+        z = array - gap * bundles.scale / s
         depth = focal_length * z / (z - focal_length)
         points = np.column_stack([bundles.height / s[:, None] * (depth / z)[:, None], -depth])
     real = np.isfinite(points).all(axis=1) & (z > focal_length) & (depth < 1e4 * focal_length)

@@ -57,6 +57,25 @@ class Sources(NamedTuple):
         return np.asarray(finite.all(axis=(1, 2)))
 
 
+class RayHits(NamedTuple):
+    """Distances (n, 2) in mm of rays from points of the scene, in the points' planes, and derivatives."""
+
+    miss: Floats
+    by_point: Floats
+    """(n, 2, 3)"""
+    by_focal_length: Floats
+    """(n, 2)"""
+    by_centre: Floats
+    """(n, 2, 3)"""
+    by_slope: Floats
+    """(n, 2, 2)"""
+
+    @property
+    def passes(self) -> NDArray[np.bool_]:
+        """True for rays that the lens passes; the others have nan."""
+        return np.asarray(np.isfinite(np.concatenate([self.by_centre, self.by_slope], axis=2)).all(axis=(1, 2)))
+
+
 def trace_lens(lens: LensStack, lens_to_array: float, slope: float) -> TracedLens:
     """Lens to be traced, for chief rays up to a slope; the distance to the array is in focal lengths."""
     points = cardinal_points(lens)
@@ -136,6 +155,25 @@ def trace_sources(lens: TracedLens, focal_length: float, centre: Floats, points:
     by_centre[:, :2, 2] += slope
     source = np.column_stack([centre[:, :2] + distance[:, None] * slope, np.zeros(n)])
     return Sources(source, in_space(by_front / scale), in_space(by_f), by_centre)
+
+
+def trace_rays(lens: TracedLens, focal_length: float, centre: Floats, slope: Floats, points: Floats) -> RayHits:
+    """Trace rays of slopes dx/dz (n, 2) from positions (n, 3) behind the lens to the planes of points (n, 3)."""
+    scale, n, steps = focal_length / lens.focal_length, len(centre), _STEP * np.eye(2)
+    behind = centre / scale + [0.0, 0.0, lens.rear_principal]
+    front = points / scale + [0.0, 0.0, lens.front_principal]
+    places = np.concatenate([behind, *(behind + np.append(s, 0.0) * lens.focal_length for s in steps), behind, behind])
+    trials = np.concatenate([slope, slope, slope, *(slope + step for step in steps)])
+    # Slopes of `_miss` are against -z.
+    traced, directions = _miss(lens.lens, places, -trials, np.tile(front, (5, 1)))
+    miss = scale * traced[:n]
+    change = (scale * traced[n:].reshape(4, n, 2) - miss) / _STEP
+    moved, by_slope = (change[k : k + 2].transpose(1, 2, 0) for k in (0, 2))
+    moved = moved / focal_length
+    by_centre = np.concatenate([moved, -moved @ slope[:, :, None]], axis=2)
+    by_point = np.concatenate([-np.tile(np.eye(2), (n, 1, 1)), directions[:n, :, None]], axis=2)
+    lengths = by_centre @ centre[:, :, None] + by_point @ points[:, :, None]
+    return RayHits(miss, by_point, (miss - lengths[:, :, 0]) / focal_length, by_centre, by_slope)
 
 
 def _miss(lens: LensStack, behind: Floats, slope: Floats, front: Floats) -> tuple[Floats, Floats]:
