@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,18 +10,21 @@ import numpy as np
 from plenoptic.calibration.calibration_result import Calibration, HeldOut
 from plenoptic.calibration.fitting.advice import error_table
 from plenoptic.calibration.fitting.checks import (
+    check_arrays,
     check_focal_length,
     check_focal_length_error,
-    check_observations,
     check_poses,
     check_residuals,
+    check_settings,
 )
 from plenoptic.calibration.fitting.covariance import clustered_covariance, pupil_sensitivity
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, sensor_rays
 from plenoptic.calibration.fitting.halves import HalfFit, fit_halves
+from plenoptic.calibration.fitting.settings import distance_columns, parameter_columns
 from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, fit, pivot_of, points_of, problem_of
 from plenoptic.calibration.fitting.start_values import start_state
 from plenoptic.calibration.fitting.traced_lens import trace_lens, trace_rays, trace_sources
+from plenoptic.calibration.joint_observations import join_settings
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
@@ -56,7 +59,7 @@ class _ModelFit(NamedTuple):
 
 
 def calibrate(
-    observations: Observations,
+    observations: Observations | Sequence[Observations],
     *,
     start: NominalCamera | PlenopticCamera,
     lens: LensStack | None = None,
@@ -67,8 +70,9 @@ def calibrate(
 
     Parameters
     ----------
-    observations : Observations
-        At least 3 frames, better 10 and more, with boards tilted in different directions.
+    observations : Observations, or list or tuple of them
+        At least 3 frames, better 10 and more, with boards tilted in different directions. A list is of one camera at
+        several focus settings, each with its own white image; the first has 3 frames or more, others may have none.
     start : NominalCamera or PlenopticCamera
         Focal length and f-number as printed on the lens, or the camera as designed: then the search begins with its
         distances, too.
@@ -85,12 +89,14 @@ def calibrate(
     Returns
     -------
     Calibration
+        Of the first focus setting, with those of the others in `settings`.
 
     Raises
     ------
     InvalidValueError
         If no camera follows from the observations: too few boards, all parallel, a wrong square of the board,
-        mirrored images, the white image of another camera. The message says which.
+        mirrored images, the white image of another camera, another camera or board at a further focus setting. The
+        message says which.
 
     Notes
     -----
@@ -107,6 +113,10 @@ def calibrate(
     Corners in views of an unfocused camera (1.0) are compared in the plane of their image by the main lens. Its
     microlenses are taken to have their focal planes on the sensor.
 
+    Focus settings differ in LENS_TO_ARRAY alone, as of a lens that moves as a whole; a prior on it is one on the first.
+    Microlenses have the indices of the first setting, to which those of others are brought by the whole steps of the
+    lattice with which their micro images lie nearest. A white image at another f-number is a setting without corners.
+
     Errors follow from residuals summed over the images of a board point in a frame, or over frames, where these sums
     are larger than with 199 sets of random signs (`ErrorCluster`). Corners and centres hardly tell the exit pupil from
     the principal plane; its prior widens the intervals.
@@ -115,7 +125,7 @@ def calibrate(
     --------
     A simulated camera takes the place of a real one.
 
-    >>> import plenoptic as pl
+    >>> import numpy as np, plenoptic as pl
     >>> lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
     >>> camera = pl.PlenopticCamera(lens=lens.with_model(pl.LensModel.THIN), microlenses=pl.MicrolensArray(0.4, (2.0,)),
     ...     sensor=pl.Sensor(shape=(350, 400), pixel_pitch=0.02), stop_to_microlenses=156.0, microlenses_to_sensor=3.0)
@@ -130,8 +140,23 @@ def calibrate(
     '100.716 mm, 0.400000 mm'
     >>> [twin.lens.model.name for twin in calibration.sample(2, seed=1)]  # with exit pupils of other lenses
     ['PARAXIAL', 'PARAXIAL']
+
+    The same camera, its array 2 mm nearer to the lens, with a white image alone:
+
+    >>> import dataclasses
+    >>> moved = pl.microlens_centres(dataclasses.replace(camera, stop_to_microlenses=154.0))
+    >>> corners = {"index": np.empty((0, 2)), "pixel": np.empty((0, 2)), "frame": [], "point": []}
+    >>> white = dataclasses.replace(observations, centre_index=moved.index, centre_pixel=moved.pixel, **corners)
+    >>> both = pl.calibrate([observations, white], start=pl.calibration.NominalCamera(100.0, 8.0), board=0.0)
+    >>> first, second = both.cameras
+    >>> f"{first.stop_to_microlenses - second.stop_to_microlenses:.3f} mm"
+    '2.000 mm'
     """
-    check_kind(observations, "observations", Observations, "pl.calibration.read_compote(...)")
+    settings = tuple(observations) if isinstance(observations, (list, tuple)) else (observations,)
+    for each in settings:
+        check_kind(each, "observations", Observations, "pl.calibration.read_compote(...)")
+    if not settings:
+        raise InvalidValueError("observations is empty; give those of one focus setting or more")
     nominal, distances = _nominal(start)
     if lens is not None:
         check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
@@ -140,14 +165,17 @@ def calibrate(
     if not 0 <= sigma < np.inf:
         raise InvalidValueError(f"board is {board!r}; it must be a standard deviation in mm, or 0")
     prior = _priors(priors, nominal.focal_length)
-    basis = lattice_basis(observations.lattice, (1.0, 1.0))
+    basis = lattice_basis(settings[0].lattice, (1.0, 1.0))
     free = ~np.isin(np.arange(COUNT), _FIXED)
-    problem = problem_of(observations, basis, free)
-    check_observations(observations, problem)
+    check_settings(settings, basis, free)
+    joint, setting, centre_setting = join_settings(settings)
+    free = np.append(free, np.ones(len(settings) - 1, dtype=bool))
+    problem = problem_of(joint, basis, free)._replace(setting=setting, centre_setting=centre_setting)
     state = start_state(problem, nominal.focal_length, distances)
     state.parameters[P.EXIT_PUPIL] = prior[P.EXIT_PUPIL, 0]
-    problem = problem._replace(prior=prior)
-    problem, state, _ = fit(problem, state)
+    problem = problem._replace(prior=np.pad(prior, ((0, len(free) - COUNT), (0, 0))))
+    problem, state, at = fit(problem, state)
+    check_arrays(problem, state, at)
     check_poses(state.poses)
     check_residuals(problem)
     if lens is not None:
@@ -160,8 +188,8 @@ def calibrate(
     check_focal_length(best.state, nominal.focal_length)
     if lens is None:
         _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
-    layout = _layout(observations, nominal.f_number, lens, best)
-    return _result(observations, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
+    layout = _layout(joint, nominal.f_number, lens, best)
+    return _result(settings, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
 
 
 def _nominal(start: NominalCamera | PlenopticCamera) -> tuple[NominalCamera, tuple[float, float] | None]:
@@ -179,8 +207,8 @@ def _nominal(start: NominalCamera | PlenopticCamera) -> tuple[NominalCamera, tup
 def _with_lens(problem: Problem, state: State, lens: LensStack) -> Problem:
     """The problem with a traced lens, whose field is that of the micro images."""
     parameters = state.parameters
-    centre = lenslets(parameters, problem.centre_grid).centre
-    slope = float((np.hypot(centre[:, 0], centre[:, 1]) / centre[:, 2]).max())
+    centre, arrays = lenslets(parameters, problem.centre_grid).centre, parameters[distance_columns(len(parameters))]
+    slope = float((np.hypot(centre[:, 0], centre[:, 1]) / centre[:, 2]).max() * arrays[0] / arrays.min())
     main_lens = trace_lens(lens, float(parameters[P.LENS_TO_ARRAY] / parameters[P.FOCAL_LENGTH]), slope)
     points, _ = points_of(problem, state)
     array, f = lenslets(parameters, problem.grid), parameters[P.FOCAL_LENGTH]
@@ -214,7 +242,7 @@ def _priors(priors: Mapping[Parameter, tuple[float, float]] | None, focal_length
 
 
 def _with(problem: Problem, parameter: Parameter) -> Problem:
-    return problem._replace(free=problem.free | (np.arange(COUNT) == parameter))
+    return problem._replace(free=problem.free | (np.arange(len(problem.free)) == parameter))
 
 
 def _fit_with_halves(problem: Problem, state: State) -> _ModelFit:
@@ -247,16 +275,17 @@ def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
 
 
 def _result(
-    observations: Observations, layout: FixedParts, best: _ModelFit, tests: tuple[HeldOut, ...], pupil_precision: float
-) -> Calibration:
+    settings: tuple[Observations, ...], layout: FixedParts, best: _ModelFit, tests: tuple[HeldOut, ...],
+    pupil_precision: float,
+) -> Calibration:  # fmt: skip
     problem, state, at = best.problem, best.state, best.at
     if problem.main_lens is not None:
         f = state.parameters[P.FOCAL_LENGTH]
         state.parameters[P.EXIT_PUPIL] = f * problem.main_lens.pupil(0.0)
-    spread, n_free = clustered_covariance(problem, at), problem.n_free
-    covariance = np.zeros((COUNT, COUNT))
+    spread, n_free, count = clustered_covariance(problem, at), problem.n_free, len(problem.free)
+    covariance = np.zeros((count, count))
     covariance[np.ix_(problem.free, problem.free)] = spread.covariance[:n_free, :n_free]
-    change = np.zeros(COUNT)
+    change = np.zeros(count)
     if not problem.free[P.EXIT_PUPIL]:
         change[problem.free] = pupil_sensitivity(problem, state, at)[:n_free]
         change[P.EXIT_PUPIL] = 1.0
@@ -265,32 +294,43 @@ def _result(
     errors = np.zeros(problem.board.shape)
     if problem.board_sigma > 0:
         errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)
-    camera = twin_camera(state.parameters, layout)
-    shift = state.poses.shift - state.poses.turn @ observations.board.mean(axis=0)
-    return Calibration(
-        camera=camera,
-        values=state.parameters,
-        covariance=covariance,
-        model_change=change,
-        error_cluster=spread.cluster,
-        board=observations.board + state.offset,
-        board_error=errors,
-        turn=state.poses.turn,
-        shift=np.add(shift, (0.0, 0.0, object_origin(camera))),
-        corner_residual=at.corners * problem.sigma[0],
-        centre_residual=at.centres * problem.sigma[1],
-        held_out=tests,
-        layout=layout,
-        error_table=error_table(problem, state, covariance),
-    )
+    table, board = error_table(problem, state, covariance), settings[0].board
+    shift = state.poses.shift - state.poses.turn @ board.mean(axis=0)
+    setting_of_frame = np.repeat(np.arange(len(settings)), [len(each.frames) for each in settings])
+    further: tuple[Calibration, ...] = ()
+    for k in reversed(range(len(settings))):
+        columns, frames = parameter_columns(k, count), setting_of_frame == k
+        camera = twin_camera(state.parameters[columns], layout)
+        calibration = Calibration(
+            camera=camera,
+            values=state.parameters[columns],
+            covariance=covariance[np.ix_(columns, columns)],
+            model_change=change[columns],
+            error_cluster=spread.cluster,
+            board=board + state.offset,
+            board_error=errors,
+            turn=state.poses.turn[frames],
+            shift=np.add(shift[frames], (0.0, 0.0, object_origin(camera))),
+            corner_residual=at.corners[problem.setting == k] * problem.sigma[0],
+            centre_residual=at.centres[problem.centre_setting == k] * problem.sigma[1],
+            held_out=tests,
+            layout=layout,
+            error_table=tuple((name, tuple(np.array(row)[columns].tolist())) for name, row in table),
+            joint_covariance=covariance,
+            setting=k,
+            further=further if k == 0 else (),
+        )
+        further = (calibration, *further)
+    return calibration
 
 
 def _layout(observations: Observations, f_number: float, lens: LensStack | None, best: _ModelFit) -> FixedParts:
     """Parts of the camera that are not fitted together."""
     problem, state = best.problem, best.state
-    f, array, gap = state.parameters[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]]
+    f, gap = state.parameters[[P.FOCAL_LENGTH, P.ARRAY_TO_SENSOR]]
     focus: tuple[float, ...] = (float(gap),)
     if not problem.in_views:
+        array = state.parameters[distance_columns(len(state.parameters))][problem.setting]
         depth = -points_of(problem, state)[0][:, 2]
         vergence = 1.0 / (array - f * depth / (depth - f))
         focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from plenoptic.calibration.fitting.covariance import ErrorCluster
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter
+from plenoptic.calibration.fitting.settings import parameter_columns
 from plenoptic.calibration.twin import FixedParts, twin_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.display import picture_of
@@ -61,7 +62,7 @@ class Calibration:
     ----------
     camera : PlenopticCamera
         The twin: it renders, and `camera.project` gives what the fit gives. Its microlens (i, j) is that of the
-        observations.
+        observations, of several focus settings those of the first.
     values : (14,) array
         Values of `Parameter`, in mm, rad and pixels.
     covariance : (14, 14) array
@@ -98,10 +99,26 @@ class Calibration:
     layout: FixedParts = dataclasses.field(repr=False)
     error_table: tuple[tuple[str, tuple[float, ...]], ...] = dataclasses.field(repr=False)
     """Standard errors (14,) of all parameters by these observations, and if others were added or more were known."""
+    joint_covariance: Floats = dataclasses.field(repr=False)
+    """Covariance with LENS_TO_ARRAY of further focus settings behind the parameters of the first."""
+    setting: int = dataclasses.field(default=0, repr=False)
+    """Number of the focus setting."""
+    further: tuple[Calibration, ...] = dataclasses.field(default=(), repr=False)
+    """Those of the focus settings after the first."""
 
     def __getitem__(self, parameter: Parameter) -> float:
         """Value of a parameter."""
         return float(self.values[choice(parameter, Parameter, "parameter")])
+
+    @property
+    def settings(self) -> tuple[Calibration, ...]:
+        """Calibrations at all focus settings, each with its own residuals and frames; the first is this one."""
+        return (self, *self.further)
+
+    @property
+    def cameras(self) -> tuple[PlenopticCamera, ...]:
+        """The twin at all focus settings."""
+        return tuple(each.camera for each in self.settings)
 
     @property
     def fitted(self) -> tuple[Parameter, ...]:
@@ -135,8 +152,8 @@ class Calibration:
 
     @property
     def corner_rms(self) -> float:
-        """Root mean square of a coordinate of the corners' residuals in pixels."""
-        return float(np.sqrt(np.mean(self.corner_residual**2)))
+        """Root mean square of a coordinate of the corners' residuals in pixels; 0 without corners."""
+        return float(np.sqrt(np.sum(self.corner_residual**2) / max(self.corner_residual.size, 1)))
 
     @property
     def centre_rms(self) -> float:
@@ -178,6 +195,8 @@ class Calibration:
     def sample(self, n: int, seed: int = 0) -> tuple[PlenopticCamera, ...]:
         """Cameras drawn from the errors of the calibration, also those of the exit pupil of a thin lens.
 
+        Those of several focus settings draw the same cameras with the same seed.
+
         Parameters
         ----------
         n : int
@@ -189,12 +208,13 @@ class Calibration:
         See `calibrate`.
         """
         rng, count = np.random.default_rng(seed_number(seed)), whole(n, "n", at_least=1)
-        ratio, scale = _correlation(self.covariance)
+        ratio, scale = _correlation(self.joint_covariance)
         eigenvalues, axes = np.linalg.eigh(ratio)
-        normal = rng.standard_normal((count, COUNT + 1))
-        draws = normal[:, :COUNT] * np.sqrt(np.maximum(eigenvalues, 0.0)) @ axes.T * scale
+        normal = rng.standard_normal((count, len(scale) + 1))
+        draws = normal[:, :-1] * np.sqrt(np.maximum(eigenvalues, 0.0)) @ axes.T * scale
+        draws = draws[:, parameter_columns(self.setting, len(scale))]
         if self.layout.lens is None:
-            draws += normal[:, COUNT:] * self.model_change
+            draws += normal[:, -1:] * self.model_change
         return tuple(twin_camera(self.values + draw, self.layout) for draw in draws)
 
     _repr_html_ = picture_of
@@ -205,6 +225,13 @@ class Calibration:
             low, high = self.interval(p)
             name = f"{p.name.lower()}{', ' if p.unit else ''}{p.unit}"
             lines.append(f"{name:<22}{self[p]:>12.6g} +- {self.standard_error(p):<9.2g}95 %: {low:.6g} to {high:.6g}")
+        for each in self.further:
+            p = Parameter.LENS_TO_ARRAY
+            name, values = (
+                f"{p.name.lower()}[{each.setting}], mm",
+                f"{each[p]:>12.6g} +- {each.standard_error(p):<9.2g}",
+            )
+            lines.append(f"{name:<22}{values}corners {each.corner_rms:.3f} px, centres {each.centre_rms:.3f} px")
         lines += [repr(each) for each in self.held_out]
         lines += self.valleys
         return "\n".join(lines)

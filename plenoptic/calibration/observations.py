@@ -18,6 +18,8 @@ from plenoptic.optics.sensor.sensor import Sensor
 class Observations:
     """Corners of boards seen through microlenses, and centres of the micro images of a white image.
 
+    All are of one focus setting. Without corners, which have shapes (0, 2) and (0,), they are a white image alone.
+
     Parameters
     ----------
     index : (n, 2) array

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.calibration.calibration_result import Calibration
 from plenoptic.calibration.compote_files import CENTRE_COLUMNS, COLUMNS, FEATURE_COLUMNS, ROWS, SQUARE, mesh_numbers
+from plenoptic.calibration.fitting.geometry import Parameter, project_centres
 from plenoptic.calibration.observations import Observations
 from plenoptic.calibration.twin import object_origin
 from plenoptic.camera.assembly import Rigid, rigid
@@ -202,6 +203,14 @@ def compote_calibration(folder: str | os.PathLike[str], calibration: Calibration
             "the corners lie in views of an unfocused camera; COMPOTE has them in micro images only"
         )
     target, camera = folder_at(folder), calibration.camera
+    grid = (observations.centre_index - np.array(calibration.layout.pivot)) @ calibration.layout.basis
+    fitted, _ = project_centres(calibration.values, grid, camera.sensor.pixel_pitch)
+    offset = camera.sensor.pixel_pitch * float(np.median(np.abs(fitted - observations.centre_pixel - centres)))
+    if offset > 0.25 * calibration[Parameter.PITCH]:
+        raise InvalidValueError(
+            "the observations number microlenses otherwise than those of the first focus setting, as the calibration "
+            "does; give observations with its lattice indices"
+        )
     geometry, corner_number, number = mesh_numbers(observations)
     index, kind = observations.centre_index, np.zeros(len(number), np.int64)
     k, l = number.T  # noqa: E741

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 import plenoptic as pl
@@ -141,6 +143,16 @@ def boards_of_50mm(board, n=10, seed=0, **options):
 def in_thin_axes(camera, points):
     """Points of the scene, from the plane of a thin lens."""
     return points - [0.0, 0.0, object_origin(camera)]
+
+
+def blurred(observations, lengths, values, boards, noise=0.05):
+    """Blur of corners behind microlenses of several focal lengths, by a camera of some values."""
+    f, array, gap, pitch = values[:4]
+    depth = -np.array(boards)[observations.frame, observations.point, 2]
+    power = 1.0 / np.array(lengths)[(observations.index[:, 0] - observations.index[:, 1]) % len(lengths)]
+    blur = 0.5 * pitch * gap * (power - 1.0 / gap - 1.0 / (array - f * depth / (depth - f))) / 0.011
+    blur += noise * np.random.default_rng(3).standard_normal(len(blur))
+    return dataclasses.replace(observations, blur=blur)
 
 
 def true_values(camera, calibration, pivot=None):

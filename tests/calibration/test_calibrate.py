@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from calibration_helpers import NOMINAL, P, board_points, boards_of_50mm, parameters, simulated
+from calibration_helpers import NOMINAL, P, blurred, board_points, boards_of_50mm, parameters, simulated
 
 import plenoptic as pl
 from plenoptic.calibration.fitting.solve import cell_products, cells_of, evaluate, normal_equations, problem_of, weight
@@ -134,26 +134,17 @@ def test_samples_scatter_by_the_errors():
     assert 0.6 < gaps.std() / sigma < 1.4 and abs(gaps.mean() - calibration[k]) < 4 * sigma / 40**0.5
 
 
-def blurred(observations, lengths, noise=0.05):
-    """Blur of corners behind microlenses of several focal lengths, by the camera of `parameters`."""
-    values, boards = parameters(), np.array(boards_of_50mm(board_points()[1]))
-    f, array, gap, pitch = values[:4]
-    depth = -boards[observations.frame, observations.point, 2]
-    power = 1.0 / np.array(lengths)[(observations.index[:, 0] - observations.index[:, 1]) % len(lengths)]
-    blur = 0.5 * pitch * gap * (power - 1.0 / gap - 1.0 / (array - f * depth / (depth - f))) / 0.011
-    blur += noise * np.random.default_rng(3).standard_normal(len(blur))
-    return dataclasses.replace(observations, blur=blur)
-
-
 def test_blur_gives_the_focal_lengths_of_the_types():
     for lengths in ((0.62, 0.66, 0.71), (0.65,)):
-        calibration = pl.calibrate(blurred(observed(), lengths), start=NOMINAL, board=0.0)
+        calibration = pl.calibrate(
+            blurred(observed(), lengths, parameters(), boards_of_50mm(DESIGN)), start=NOMINAL, board=0.0
+        )
         # The distances of the calibration, 1 % off, are in them.
         ratio = calibration[P.ARRAY_TO_SENSOR] / parameters()[P.ARRAY_TO_SENSOR]
         found = calibration.camera.microlenses.focal_lengths
         np.testing.assert_allclose(np.array(found) / ratio, lengths, rtol=0.01)
         # Without signs its change with the distance of the boards tells.
-        unsigned = blurred(observed(), lengths)
+        unsigned = blurred(observed(), lengths, parameters(), boards_of_50mm(DESIGN))
         unsigned = dataclasses.replace(unsigned, blur=np.abs(unsigned.blur))
         found = pl.calibrate(unsigned, start=NOMINAL, board=0.0).camera.microlenses.focal_lengths
         np.testing.assert_allclose(np.array(found) / ratio, lengths, rtol=0.01)

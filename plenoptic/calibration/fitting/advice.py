@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.calibration.fitting.covariance import information, inverse
-from plenoptic.calibration.fitting.geometry import COUNT, Parameter, Poses, rotations
+from plenoptic.calibration.fitting.geometry import Parameter, Poses, rotations
+from plenoptic.calibration.fitting.settings import distance_columns
 from plenoptic.calibration.fitting.solve import Problem, State, evaluate, prior_precision
 from plenoptic.core.values import Floats
 
@@ -20,7 +21,7 @@ sensor."""
 
 
 def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tuple[str, tuple[float, ...]], ...]:
-    """Names of proposals and the standard errors (COUNT,) that all parameters would then have.
+    """Names of proposals and the standard errors that all parameters would then have.
 
     New frames show the same corners through the same microlenses, with poses of their own; errors of these
     observations are the stated ones, and others are in proportion.
@@ -39,8 +40,9 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
     depth = -poses.shift[:, 2:]
     ratio = f / depth / (1.0 - 1.0 / (depth / (depth - f) + move / f))
     nearer = f"as many, {100 * (1 - np.median(ratio)):.0f} % nearer"
-    refocused = state.parameters - move * (np.arange(COUNT) == P.LENS_TO_ARRAY)
-    own_array = np.flatnonzero(np.flatnonzero(problem.free) == P.LENS_TO_ARRAY)
+    distances = distance_columns(len(problem.free))
+    refocused = state.parameters - move * np.isin(np.arange(len(problem.free)), distances)
+    own_array = np.flatnonzero(np.isin(np.flatnonzero(problem.free), distances))
     none = np.zeros(0, dtype=np.int64)
 
     matrix, centres = _information_at(problem, state)
@@ -63,13 +65,13 @@ def error_table(problem: Problem, state: State, covariance: Floats) -> tuple[tup
         "board on a stage, poses known": (on_stage, none),
         "focal length known": (now, camera[np.flatnonzero(problem.free) == P.FOCAL_LENGTH]),
     }  # fmt: skip
-    stated, base = np.sqrt(np.diag(covariance)), np.ones(COUNT)
+    stated, base = np.sqrt(np.diag(covariance)), np.ones(len(covariance))
     rows: list[tuple[str, tuple[float, ...]]] = []
     for name, (total, fixed) in proposals.items():
         fitted = np.setdiff1d(np.arange(len(prior)), fixed)
         variance = np.zeros(len(prior))
         variance[fitted] = np.diag(inverse((total + np.diag(prior))[np.ix_(fitted, fitted)]))
-        error = np.zeros(COUNT)
+        error = np.zeros(len(stated))
         error[problem.free] = np.sqrt(np.maximum(variance[:n_free], 0.0))
         base = np.where(error > 0, error, 1.0) if not rows else base
         rows.append((name, tuple((stated * error / base).tolist())))

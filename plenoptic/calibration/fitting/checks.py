@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.geometry import Parameter, Poses
-from plenoptic.calibration.fitting.solve import Problem, State
-from plenoptic.calibration.fitting.start_values import MIN_LENSES, image_lattice
+from plenoptic.calibration.fitting.geometry import COUNT, Parameter, Poses
+from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, problem_of
+from plenoptic.calibration.fitting.start_values import FARTHEST, MIN_LENSES, NEAREST, image_lattice, setting_part
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -27,15 +28,29 @@ length that is 7 to 10 % shorter."""
 _MAX_RESIDUAL = 0.15
 """Largest standard deviation of corners, in pitches of the micro images."""
 _MAX_RELATIVE_ERROR = 0.1
+_LATTICE_RATIO, _MAX_DEVIATION = 3.0, 0.02
+"""Largest root mean square of the centres' residuals, as a ratio to their deviation from a lattice of their own, and
+beyond it in pitches."""
 
 
-def check_observations(observations: Observations, problem: Problem) -> None:
+def check_settings(settings: tuple[Observations, ...], basis: Floats, free: NDArray[np.bool_]) -> None:
+    """Raise an InvalidValueError, which names the focus setting of several, if its observations are refused."""
+    for k, observations in enumerate(settings):
+        try:
+            _check_observations(observations, problem_of(observations, basis, free), 0 if k else _MIN_FRAMES)
+        except InvalidValueError as error:
+            if len(settings) == 1:
+                raise
+            raise InvalidValueError(f"observations[{k}]: {error}") from None
+
+
+def _check_observations(observations: Observations, problem: Problem, min_frames: int) -> None:
     """Raise an InvalidValueError if boards are too few, or corners and centres do not belong together."""
     frames, views = observations.frames, "in {} views" if observations.in_views else "through {} microlenses"
-    if len(frames) < _MIN_FRAMES:
+    if len(frames) < min_frames:
         raise InvalidValueError(
             f"the observations hold {len(frames)} frame{'s' * (len(frames) != 1)}; a calibration needs at least "
-            f"{_MIN_FRAMES}, better 10, of boards tilted in different directions"
+            f"{min_frames}, better 10, of boards tilted in different directions"
         )
     for frame in frames.tolist():
         counts = np.bincount(observations.point[observations.frame == frame], minlength=len(observations.board))
@@ -64,6 +79,8 @@ def check_observations(observations: Observations, problem: Problem) -> None:
             "the centres of the white image are mirrored: the second index must count counter-clockwise from the "
             "first as seen from the lens; mirror the image or exchange the indices"
         )
+    if not len(problem.pixel):
+        return
     distance = np.hypot(*(lattice.origin + problem.grid @ lattice.steps - problem.pixel).T)
     outside = float(np.mean(distance > _REACH * pitch))
     if outside > _MAX_OUTSIDE:
@@ -98,6 +115,22 @@ def check_residuals(problem: Problem) -> None:
             f"no camera explains the corners: they deviate by {problem.sigma[0]:.2f} pixels, where micro images are "
             f"{pitch:.1f} pixels apart; check the board's points in mm, and that all frames have one focus setting"
         )
+
+
+def check_arrays(problem: Problem, state: State, at: Evaluation) -> None:
+    """Raise an InvalidValueError if further focus settings are not those of the first one's camera."""
+    f = state.parameters[Parameter.FOCAL_LENGTH]
+    for k, array in enumerate(state.parameters[COUNT:].tolist(), start=1):
+        part = setting_part(problem, k)
+        lattice = image_lattice(part.centre_grid, part.centre_pixel)
+        pitch = math.sqrt(abs(float(np.linalg.det(lattice.steps))))
+        rms = problem.sigma[1] * float(np.sqrt(np.mean(at.centres[problem.centre_setting == k] ** 2)))
+        if not NEAREST * f < array < FARTHEST * f or rms > _LATTICE_RATIO * lattice.residual + _MAX_DEVIATION * pitch:
+            raise InvalidValueError(
+                f"no distance from lens to array explains observations[{k}] with the camera of observations[0]: at "
+                f"{array:.4g} mm centres of micro images deviate by {rms:.3f} pixels, and by {lattice.residual:.3f} "
+                "pixels from a lattice of their own; they are of another camera, or its array or sensor was moved"
+            )
 
 
 def check_focal_length(state: State, nominal: float) -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.fitting.geometry import Parameter, project_centres
+from plenoptic.calibration.fitting.geometry import Parameter
 from plenoptic.calibration.fitting.solve import (
     CornerGroups,
     Evaluation,
@@ -22,6 +22,7 @@ from plenoptic.calibration.fitting.solve import (
     State,
     cell_products,
     cells_of,
+    centres_of,
     curvature,
     normal_equations,
     prior_precision,
@@ -164,12 +165,18 @@ def _frame_clusters(problem: Problem, cells: CornerGroups, at: Evaluation, bread
 
 
 def _centre_products(problem: Problem, at: Evaluation) -> Floats:
-    """Sum (parameters, parameters) of the products of the centres' scores, over blocks if these are correlated."""
+    """Sum (parameters, parameters) of the products of the centres' scores, over blocks if these are correlated.
+
+    A microlens beside its place in the lattice is so at all focus settings: scores are summed over these.
+    """
     pulls = np.einsum("mij,mi->mj", at.centre_slope, weight(at.centres) * at.centres)
-    _, block = np.unique(np.floor(problem.centre_grid / _BLOCK), axis=0, return_inverse=True)
-    sums = np.zeros((int(block.max(initial=-1)) + 1, problem.n_free))
-    np.add.at(sums, block.ravel(), pulls)
-    independent, together = pulls.T @ pulls, sums.T @ sums
+    products = []
+    for clusters in (problem.centre_grid.round(6), np.floor(problem.centre_grid / _BLOCK)):
+        _, cluster = np.unique(clusters, axis=0, return_inverse=True)
+        sums = np.zeros((int(cluster.max(initial=-1)) + 1, problem.n_free))
+        np.add.at(sums, cluster.ravel(), pulls)
+        products.append(sums.T @ sums)
+    independent, together = products
     # Parameters on which no centre depends have no share.
     rank = float(np.trace(inverse(independent) @ independent))
     ratio = float(np.trace(inverse(independent) @ together)) / max(rank, 1.0)
@@ -195,7 +202,7 @@ def _correct_leverage(score: Floats, group_information: Floats, part: Floats) ->
 
 def pupil_sensitivity(problem: Problem, state: State, at: Evaluation) -> Floats:
     """Change (unknowns,) of the fitted unknowns per mm of the exit pupil's position, which is not fitted."""
-    _, slope = project_centres(state.parameters, problem.centre_grid, problem.pixel_pitch, problem.main_lens)
+    _, slope = centres_of(problem, state.parameters)
     by_pupil = slope[:, :, Parameter.EXIT_PUPIL] / problem.sigma[1] * curvature(at.centres)
     mixed = np.zeros(problem.unknowns)
     mixed[: problem.n_free] = np.einsum("mij,mi->j", at.centre_slope, by_pupil)

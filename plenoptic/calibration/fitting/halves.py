@@ -32,6 +32,7 @@ def part_of(problem: Problem, state: State, frames: NDArray[np.int64]) -> tuple[
         pixel=problem.pixel[rows],
         frame=np.searchsorted(frames, problem.frame[rows]),
         point=problem.point[rows],
+        setting=problem.setting[rows],
     )
     return part, state._replace(poses=Poses(state.poses.turn[frames], state.poses.shift[frames]))
 

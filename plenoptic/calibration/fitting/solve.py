@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.calibration.fitting.geometry import (
     COUNT,
+    Corners,
     Poses,
     project_centres,
     project_corners,
@@ -16,6 +17,7 @@ from plenoptic.calibration.fitting.geometry import (
     rotate_points,
     rotations,
 )
+from plenoptic.calibration.fitting.settings import project_settings
 from plenoptic.calibration.fitting.traced_lens import TracedLens
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
@@ -43,15 +45,18 @@ class Problem(NamedTuple):
     frame: NDArray[np.int64]
     """(n,) numbered from 0 without gaps."""
     point: NDArray[np.int64]
+    setting: NDArray[np.int64]
+    """(n,) focus settings of the corners, ascending."""
     centre_grid: Floats
     centre_pixel: Floats
+    centre_setting: NDArray[np.int64]
     pixel_pitch: float
     board: Floats
     """(p, 3) points as designed, relative to their mean."""
     free: NDArray[np.bool_]
-    """(COUNT,) parameters that are fitted."""
+    """(COUNT + further settings,) parameters that are fitted."""
     prior: Floats
-    """(COUNT, 2) mean and precision 1 / sigma^2 of the parameters."""
+    """(..., 2) mean and precision 1 / sigma^2 of the parameters."""
     board_sigma: float
     """Standard deviation in mm of a coordinate of a board point; 0: the board is as designed."""
     sigma: tuple[float, float] = (0.7, 0.18)
@@ -153,16 +158,18 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
     free, (corner_sigma, centre_sigma) = problem.free, problem.sigma
     points, arms = points_of(problem, state)
     pitch, lens = problem.pixel_pitch, problem.main_lens
-    if problem.in_views:
-        projection = project_views(state.parameters, problem.grid, problem.pixel, points, pitch, lens)
-        corners = projection.pixel / corner_sigma
-    else:
-        projection = project_corners(state.parameters, problem.grid, points, pitch, lens)
-        corners = (projection.pixel - problem.pixel) / corner_sigma
+
+    def project(parameters: Floats, rows: Any) -> Corners:
+        if problem.in_views:
+            return project_views(parameters, problem.grid[rows], problem.pixel[rows], points[rows], pitch, lens)
+        return project_corners(parameters, problem.grid[rows], points[rows], pitch, lens)
+
+    projection = Corners(*project_settings(state.parameters, problem.setting, project))
     slopes = [projection.slope[:, :, free], np.cross(arms[:, None, :], projection.by_point), projection.by_point]
     if problem.board_sigma > 0:
         slopes.append(projection.by_point @ state.poses.turn[problem.frame])
-    middle, middle_slope = project_centres(state.parameters, problem.centre_grid, pitch, lens)
+    corners = (projection.pixel - (0.0 if problem.in_views else problem.pixel)) / corner_sigma
+    middle, middle_slope = centres_of(problem, state.parameters)
     centres = (middle - problem.centre_pixel) / centre_sigma
     penalty = np.zeros(problem.unknowns)
     mean, precision = problem.prior.T
@@ -174,6 +181,15 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
     cost = cost if np.isfinite(cost) and bool((points[:, 2] < -state.parameters[0]).all()) else np.inf
     slope = np.concatenate(slopes, axis=2) / corner_sigma
     return Evaluation(corners, slope, centres, middle_slope[:, :, free] / centre_sigma, penalty, cost)
+
+
+def centres_of(problem: Problem, parameters: Floats) -> tuple[Floats, ...]:
+    """Centres of micro images: row and column (m, 2), and derivatives (m, 2, parameters)."""
+    return project_settings(
+        parameters,
+        problem.centre_setting,
+        lambda values, rows: project_centres(values, problem.centre_grid[rows], problem.pixel_pitch, problem.main_lens),
+    )
 
 
 def prior_precision(problem: Problem) -> Floats:
@@ -297,12 +313,13 @@ def pivot_of(index: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def problem_of(observations: Observations, basis: Floats, free: NDArray[np.bool_]) -> Problem:
-    """Problem with a board as designed and without priors."""
+    """Problem of one focus setting with a board as designed and without priors."""
     pivot = pivot_of(observations.centre_index)
     grid, centre_grid = ((each - pivot) @ basis for each in (observations.index, observations.centre_index))
     frame = np.searchsorted(observations.frames, observations.frame)
     board = observations.board - observations.board.mean(axis=0)
     return Problem(
-        grid, observations.pixel, frame, observations.point, centre_grid, observations.centre_pixel,
-        observations.sensor.pixel_pitch, board, free, np.zeros((COUNT, 2)), 0.0, in_views=observations.in_views,
+        grid, observations.pixel, frame, observations.point, np.zeros_like(frame), centre_grid,
+        observations.centre_pixel, np.zeros(len(centre_grid), np.int64), observations.sensor.pixel_pitch, board, free,
+        np.zeros((COUNT, 2)), 0.0, in_views=observations.in_views,
     )  # fmt: skip

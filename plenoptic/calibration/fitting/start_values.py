@@ -21,6 +21,8 @@ _LONGEST = 20.0
 MIN_LENSES = 3
 """Least number of microlenses in which a corner must be seen."""
 _CANDIDATES = 4
+NEAREST, FARTHEST = 0.9, 3.0
+"""Least and largest distance from lens to array at a further focus setting, in focal lengths."""
 
 
 class ImageLattice(NamedTuple):
@@ -82,14 +84,51 @@ def start_state(problem: Problem, focal_length: float, distances: tuple[float, f
     """State from which the solver converges.
 
     Of trial distances from lens to array and from array to sensor, those are refined with which the images of the
-    boards, brought back through the lens, are closest to the boards. Nominal distances leave no trials.
+    boards, brought back through the lens, are closest to the boards. Nominal distances leave no trials. Distances to
+    the array at further focus settings follow from the pitch of their micro images.
     """
-    lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
-    shape_axis = 0.5 * (problem.centre_pixel.min(axis=0) + problem.centre_pixel.max(axis=0))
-    bundles = _bundles(problem, lattice, shape_axis)
+    first = setting_part(problem, 0)
+    lattice = image_lattice(first.centre_grid, first.centre_pixel)
     gaps = np.geomspace(1.0, _LONGEST, _TRIALS) * _pitch(lattice) * problem.pixel_pitch
     arrays = focal_length * (1.0 + np.geomspace(0.01, 1.0, _TRIALS))
     trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()] if distances is None else [distances]
+    state = _setting_state(first, focal_length, trials, [P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH])
+    array, gap = state.parameters[[P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]].tolist()
+    parameters, poses = [state.parameters], [state.poses]
+    for k in range(1, len(problem.free) - COUNT + 1):
+        part = setting_part(problem, k)
+        ratio = _pitch(image_lattice(part.centre_grid, part.centre_pixel)) / _pitch(lattice)
+        # Micro images are 1 + gap / array times as far apart as microlenses.
+        moved = gap / max(ratio * (1.0 + gap / array) - 1.0, 1e-300)
+        moved = moved if NEAREST * focal_length < moved < FARTHEST * focal_length else array
+        if part.frames:
+            trials = [(moved, gap), (array, gap)]
+            other = _setting_state(part, focal_length, trials, [P.LENS_TO_ARRAY])
+            moved = float(other.parameters[P.LENS_TO_ARRAY])
+            poses.append(other.poses)
+        parameters.append(np.array([moved]))
+    stacked = Poses(*(np.concatenate(arrays) for arrays in zip(*poses, strict=True)))
+    return State(np.concatenate(parameters), stacked, state.offset)
+
+
+def setting_part(problem: Problem, k: int) -> Problem:
+    """Problem of one focus setting alone."""
+    rows, centres = problem.setting == k, problem.centre_setting == k
+    return problem._replace(
+        grid=problem.grid[rows], pixel=problem.pixel[rows], point=problem.point[rows], setting=problem.setting[rows],
+        frame=np.unique(problem.frame[rows], return_inverse=True)[1], centre_grid=problem.centre_grid[centres],
+        centre_pixel=problem.centre_pixel[centres], centre_setting=problem.centre_setting[centres],
+        free=problem.free[:COUNT], prior=problem.prior[:COUNT],
+    )  # fmt: skip
+
+
+def _setting_state(
+    problem: Problem, focal_length: float, trials: list[tuple[float, float]], fitted: list[Parameter]
+) -> State:
+    """State of one focus setting, by trial distances from lens to array and from array to sensor."""
+    lattice = image_lattice(problem.centre_grid, problem.centre_pixel)
+    shape_axis = 0.5 * (problem.centre_pixel.min(axis=0) + problem.centre_pixel.max(axis=0))
+    bundles = _bundles(problem, lattice, shape_axis)
     scored = [_poses(problem, bundles, focal_length, *trial) for trial in trials]
     order = np.argsort([score for score, _ in scored], kind="stable")[:_CANDIDATES]
     best, lowest_cost = None, np.inf
@@ -98,7 +137,7 @@ def start_state(problem: Problem, focal_length: float, distances: tuple[float, f
         if not math.isfinite(score):
             continue
         parameters = _parameters(problem, lattice, shape_axis, focal_length, trials[k])
-        held = problem._replace(free=np.isin(np.arange(COUNT), [P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH]))
+        held = problem._replace(free=np.isin(np.arange(COUNT), fitted))
         held = held._replace(sigma=(3.0, 1.0))
         state, at = minimise(held, State(parameters, poses, np.zeros_like(problem.board)), steps=12, tolerance=100.0)
         if at.cost < lowest_cost:
