@@ -117,8 +117,8 @@ class _Views:
         steps = np.arange(-reach, reach + 1)
         q = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
         rows = np.arange(len(self.first))
-        share = [np.mean(self.pixels(rows, offset)[1] > 0) for offset in q]
-        return q[np.array(share) > _WHOLE]
+        fraction = [np.mean(self.pixels(rows, offset)[1] > 0) for offset in q]
+        return q[np.array(fraction) > _WHOLE]
 
     def pixels(self, rows: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """Light and weights of pixels nearest to offsets (..., 2) in micro images (...)."""

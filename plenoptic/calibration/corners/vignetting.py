@@ -50,7 +50,7 @@ def visible_centre(
 
 def border_blur(visible: Floats) -> Floats:
     """Radius (n,) in pixels of the blur of micro images' borders, by their visible fractions (n, s, s)."""
-    wide, narrow = (np.sqrt(np.count_nonzero(visible > least, axis=(1, 2)) / np.pi) for least in _LEVELS)
+    wide, narrow = (np.sqrt(np.count_nonzero(visible > level, axis=(1, 2)) / np.pi) for level in _LEVELS)
     return np.asarray((wide - narrow) / _WIDTH)
 
 
