@@ -127,6 +127,21 @@ def test_corners_in_square_arrays_and_behind_colour_filters():
         assert len(met) == len(corners) > 80 and np.sqrt(np.mean(error**2)) < 0.05
 
 
+def test_texture_behind_the_board_and_boards_near_the_array_do_not_make_views():
+    """Large dots far away vary between micro images, as does a board whose image lies near the array."""
+    camera = camera_of("G1", shape=(400, 500))
+    design = pl.targets.checkerboard(5, 4, square=2.2, margin=1.0)
+    wall = pl.targets.random_dots(24, 24, dot=4.0, seed=3).translated(z=-600.0)
+    board = tilted(design=design)
+    corners = found(camera, board, wall, design=design)
+    assert not corners.in_views and np.hypot(*errors_of(corners, camera, board)[0].T).max() < 0.3
+    camera, design = camera_of("G1"), pl.targets.checkerboard(5, 4, square=3.2, margin=3.2)
+    boards = [tilted(angle=20.0, z=z, design=design) for z in (-480.0, -460.0, -532.0)]
+    raws = [raw_of(shot_of(camera, each), camera) for each in boards]
+    with pytest.raises(InvalidValueError, match="image 2: the image shows no board"):
+        pl.calibration.observe(raws, white_of(camera), design, pixel_pitch=PITCH)
+
+
 def test_without_a_white_image_fewer_are_found():
     camera, board = camera_of("G1"), tilted()
     corners = found(camera, board, with_white=False)
@@ -321,12 +336,12 @@ def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons
 
 @pytest.mark.slow
 def test_cameras_from_raw_images_are_within_their_errors():
-    """Three kinds of cameras, of which each sees six boards; the last board is bent."""
+    """Microlenses of three focal lengths, and a Keplerian camera, which sees a bent board; six boards each."""
     z, P = [], pl.calibration.Parameter
-    for number, kind in enumerate(KINDS):
+    for number, kind in enumerate(("G3", "K1")):
         camera, rng = camera_of(kind, shape=(420, 560)), np.random.default_rng(number)
         design = pl.targets.checkerboard(7, 6, square=3.0, margin=9.0, dark=pl.Emissive(0.1), bright=pl.Emissive(1.0))
-        board = bent(design, 0.15) if number == 2 else design
+        board = bent(design, 0.15) if number else design
         boards = [
             tilted((np.cos(a), np.sin(a), 0.0), 25.0, rng.uniform(-440, -370), rng.uniform(-20, 20), board)
             for a in 2.4 * np.arange(6) + rng.uniform(0, 6)
@@ -335,12 +350,12 @@ def test_cameras_from_raw_images_are_within_their_errors():
         white = raw_of(white_of(camera), camera, 20000.0)
         observations = pl.calibration.observe(raws, white, design, pixel_pitch=PITCH)
         calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0))
-        assert any(test.accepted for test in calibration.held_out if test.name == "free board") == (number == 2)
+        assert any(test.accepted for test in calibration.held_out if test.name == "free board") == bool(number)
         # The pitch's error holds that of the exit pupil: centroids are drawn inwards as light falls by cos^4.
         error = np.sqrt(np.diag(calibration.covariance) + calibration.model_change**2 * (np.arange(len(P)) == P.PITCH))
         off = calibration.values - true_values(camera, calibration)
         z.append(off[: P.STRETCH] / error[: P.STRETCH])
-    # Of some 15 independent numbers.
+    # Of some 10 independent numbers.
     assert np.abs(z).max() < 4 and 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5, z
 
 

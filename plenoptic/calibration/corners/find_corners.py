@@ -146,8 +146,8 @@ def find_corners(
 
     In views, light of the pixels at one offset from the centres of the micro images is taken at the microlenses, where
     the same model is fitted to it. The board is numbered in the view of the centres; the others begin with its corners
-    and their disparities. Views are searched if the mean virtual depth, by the slopes of the light within and between
-    micro images, is below 2.5.
+    and their disparities. Views are searched first if the mean virtual depth, by the slopes of the light within and
+    between micro images, is below 2.5, and otherwise if micro images show no board.
 
     Examples
     --------
@@ -162,15 +162,30 @@ def find_corners(
     >>> len(corners) > 150, sorted(set(corners.point.tolist())) == list(range(12))
     (True, True)
     """
-    return _find_corners(raw, grid, board, white, in_views=False)
+    return _find_corners(raw, grid, board, white, None)
 
 
-def _find_corners(raw: Any, grid: MicroImageGrid, board: Target, white: Any, *, in_views: bool) -> BoardCorners:
-    """Corners in micro images or views as the light says, or in views in any case."""
+def _find_corners(raw: Any, grid: MicroImageGrid, board: Target, white: Any, in_views: bool | None) -> BoardCorners:
+    """Corners in micro images or in views; None: in those where the light says that they are, or else in the others."""
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
     shape = _corners_of(board)
     lit, patches = patches_of(raw, white, grid)
-    if in_views or has_low_depth(patches, grid.basis):
+    if in_views is not None:
+        return _corners_in(lit, patches, grid, board, shape, in_views)
+    likely = has_low_depth(patches, grid.basis)
+    try:
+        return _corners_in(lit, patches, grid, board, shape, likely)
+    except InvalidValueError as error:
+        try:
+            return _corners_in(lit, patches, grid, board, shape, not likely)
+        except InvalidValueError:
+            raise error from None
+
+
+def _corners_in(
+    lit: Patches, patches: Patches, grid: MicroImageGrid, board: Target, shape: tuple[int, int], in_views: bool
+) -> BoardCorners:
+    if in_views:
         if board.marks is not None:
             raise InvalidValueError(
                 "the camera is unfocused (1.0), whose views do not tell marks; photograph a board without marks"
@@ -200,7 +215,7 @@ def observe(
     Parameters
     ----------
     raws : sequence of raw images
-        One for each pose of the board, see `find_corners`. If one asks for corners in views, all have them.
+        One for each pose of the board, see `find_corners`. Corners are in views if those of most images are.
     white : as a raw image
         See `find_micro_images`.
     board : Target
@@ -233,12 +248,13 @@ def observe(
         raise InvalidValueError("raws is one raw image; give a list of them, one for each pose of the board")
     grid = find_micro_images(white)
     results = [_corners_or_error(raw, grid, board, white) for raw in raws]
-    in_views = any(isinstance(each, BoardCorners) and each.in_views for each in results)
+    kinds = [each.in_views for each in results if isinstance(each, BoardCorners)]
+    # One camera is of one kind: near the array, and far from it, single images may look like those of the other.
+    in_views = 2 * sum(kinds) > len(kinds)
     frames: list[BoardCorners] = []
     for number, (raw, corners) in enumerate(zip(raws, results, strict=True)):
-        if in_views and not (isinstance(corners, BoardCorners) and corners.in_views):
-            # One camera is of one kind: far from its focus the light varies within micro images, too.
-            corners = _corners_or_error(raw, grid, board, white, in_views=True)
+        if isinstance(corners, BoardCorners) and corners.in_views != in_views:
+            corners = _corners_or_error(raw, grid, board, white, in_views)
         if isinstance(corners, InvalidValueError):
             raise InvalidValueError(f"image {number}: {corners}")
         frames.append(corners)
@@ -260,10 +276,10 @@ def observe(
 
 
 def _corners_or_error(
-    raw: Any, grid: MicroImageGrid, board: Target, white: Any, *, in_views: bool = False
+    raw: Any, grid: MicroImageGrid, board: Target, white: Any, in_views: bool | None = None
 ) -> BoardCorners | InvalidValueError:
     try:
-        return _find_corners(raw, grid, board, white, in_views=in_views)
+        return _find_corners(raw, grid, board, white, in_views)
     except InvalidValueError as error:
         return error
 
