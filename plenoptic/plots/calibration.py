@@ -201,6 +201,9 @@ def plot_residuals(calibration: Calibration, observations: Observations, *, figu
     *maps, histogram = figure.subplots(1, 3)
     height, width = observations.sensor.shape
     for ax, (name, place, residual), colour in zip(maps, pairs, COLOURS, strict=False):
+        if not len(place):
+            ax.set_axis_off()
+            continue
         ax.set(xlabel="column / pixel", ylabel="row / pixel")
         times, rms = draw_arrows(ax, place[:, ::-1], residual[:, ::-1], colour), float(np.sqrt(np.mean(residual**2)))
         ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")

@@ -110,6 +110,9 @@ def test_exact_observations_give_all_distances_back(turn):
     assert [len(each.turn) for each in calibrations] == [4, 1, 0]
     assert [len(each.corner_residual) for each in calibrations[1:]] == [len(exact[1].pixel), 0]
     assert calibrations[2].corner_rms == 0.0 and "0 frames" in repr(calibrations[2])
+    figure = pl.plots.plot_residuals(calibrations[2], white_only(exact[2]))
+    assert [ax.axison for ax in figure.axes] == [False, True, True]
+    plt.close(figure)
     assert calibrations[0].cameras == tuple(each.camera for each in calibrations)
     assert all(text in repr(calibrations[0]) for text in ("lens_to_array[1], mm          62.1 +- ", "lens_to_array[2]"))
 
