@@ -12,7 +12,6 @@ from plenoptic.calibration.fitting.advice import error_table
 from plenoptic.calibration.fitting.checks import (
     check_arrays,
     check_focal_length,
-    check_focal_length_error,
     check_poses,
     check_residuals,
     check_settings,
@@ -185,11 +184,10 @@ def calibrate(
     if sigma > 0:
         best, tests = _extend("free board", best, best.problem._replace(board_sigma=sigma), tests)
     best, tests = _extend("stretch of the array", best, _with(best.problem, P.STRETCH), tests)
-    check_focal_length(best.state, nominal.focal_length)
     if lens is None:
         _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
     layout = _layout(joint, nominal.f_number, lens, best)
-    return _result(settings, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]))
+    return _result(settings, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]), nominal.focal_length)
 
 
 def _nominal(start: NominalCamera | PlenopticCamera) -> tuple[NominalCamera, tuple[float, float] | None]:
@@ -276,7 +274,7 @@ def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
 
 def _result(
     settings: tuple[Observations, ...], layout: FixedParts, best: _ModelFit, tests: tuple[HeldOut, ...],
-    pupil_precision: float,
+    pupil_precision: float, nominal: float,
 ) -> Calibration:  # fmt: skip
     problem, state, at = best.problem, best.state, best.at
     if problem.main_lens is not None:
@@ -290,7 +288,7 @@ def _result(
         change[problem.free] = pupil_sensitivity(problem, state, at)[:n_free]
         change[P.EXIT_PUPIL] = 1.0
         change /= np.sqrt(pupil_precision)
-    check_focal_length_error(state.parameters, np.sqrt(np.diag(covariance)))
+    check_focal_length(state.parameters, np.sqrt(np.diag(covariance)), nominal)
     errors = np.zeros(problem.board.shape)
     if problem.board_sigma > 0:
         errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)

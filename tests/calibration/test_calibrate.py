@@ -244,6 +244,8 @@ def test_observations_that_give_no_camera_are_refused():
     parts = {name: getattr(usual, name)[few] for name in ("index", "pixel", "frame", "point")}
     refused(dataclasses.replace(usual, **parts), "hold 2 frames; a calibration needs at least 3")
     refused(observed(tilt=0.0), "all boards are parallel")
+    for n, tilt in ((4, 0.08), (3, 0.12)):  # 38 +- 6 and 54 +- 3 mm, of 50
+        refused(observed(n=n, tilt=tilt), "leave the focal length open", board=0.0)
     refused(mirrored(usual), "seen from behind: the images are mirrored")
     refused(dataclasses.replace(usual, centre_index=usual.centre_index[:, ::-1]), "mirrored")
     refused(

@@ -27,7 +27,8 @@ _FOCAL_LENGTH_RATIO = 1.08
 length that is 7 to 10 % shorter."""
 _MAX_RESIDUAL = 0.15
 """Largest standard deviation of corners, in pitches of the micro images."""
-_MAX_RELATIVE_ERROR = 0.1
+_MAX_RELATIVE_ERROR, _BY_CHANCE = 0.1, 2.0
+"""Largest standard error of the focal length, over it, and largest distance from the nominal one by chance, in them."""
 _LATTICE_RATIO, _MAX_DEVIATION = 3.0, 0.02
 """Largest root mean square of the centres' residuals, as a ratio to their deviation from a lattice of their own, and
 beyond it in pitches."""
@@ -133,23 +134,21 @@ def check_arrays(problem: Problem, state: State, at: Evaluation) -> None:
             )
 
 
-def check_focal_length(state: State, nominal: float) -> None:
-    """Raise an InvalidValueError if the fitted focal length is far from the nominal one."""
-    focal_length = float(state.parameters[Parameter.FOCAL_LENGTH])
+def check_focal_length(parameters: Floats, errors: Floats, nominal: float) -> None:
+    """Raise an InvalidValueError if the boards leave the focal length open, or if it is far from the nominal one."""
+    focal_length, error = (float(each[Parameter.FOCAL_LENGTH]) for each in (parameters, errors))
     ratio = focal_length / nominal
-    if not 1.0 / _FOCAL_LENGTH_RATIO < ratio < _FOCAL_LENGTH_RATIO:
+    is_far = not 1.0 / _FOCAL_LENGTH_RATIO < ratio < _FOCAL_LENGTH_RATIO
+    by_chance = abs(focal_length - nominal) < _BY_CHANCE * error
+    if not error < _MAX_RELATIVE_ERROR * focal_length or (is_far and by_chance):
         raise InvalidValueError(
-            f"the observations ask for a focal length of {focal_length:.3g} mm, and the nominal one is {nominal:g} mm; "
-            "check the board's points and the pixel pitch, both in mm: a board of twice the size alters the focal "
-            "length by 10 %; if they are right, give the focal length that the lens has at this focus"
-        )
-
-
-def check_focal_length_error(parameters: Floats, errors: Floats) -> None:
-    """Raise an InvalidValueError if the boards leave the focal length open."""
-    f = Parameter.FOCAL_LENGTH
-    if not errors[f] < _MAX_RELATIVE_ERROR * parameters[f]:
-        raise InvalidValueError(
-            f"the observations leave the focal length open: {parameters[f]:.3g} +- {errors[f]:.2g} mm; add nearer "
+            f"the observations leave the focal length open: {focal_length:.3g} +- {error:.2g} mm; add nearer "
             "boards, more tilt, or a prior on the focal length"
+        )
+    if is_far:
+        raise InvalidValueError(
+            f"the observations ask for a focal length of {focal_length:.3g} +- {error:.2g} mm, and the nominal one is "
+            f"{nominal:g} mm; check the board's points and the pixel pitch, both in mm: a board of twice the size "
+            "alters the focal length by 10 %; if they are right, give the focal length that the lens has at this "
+            "focus, and a lens that is like the real one"
         )
