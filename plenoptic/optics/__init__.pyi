@@ -31,6 +31,7 @@ from .lens.placement import Placement as Placement
 from .lens.specification import Specification as Specification
 from .lens.specification import StopSize as StopSize
 from .lens.stack import LensStack as LensStack
+from .lens.window import window as window
 from .microlens.aperture import ApertureShape as ApertureShape
 from .microlens.aperture import Gaps as Gaps
 from .microlens.aperture import MicrolensAperture as MicrolensAperture
