@@ -51,6 +51,8 @@ class Truth(enum.IntFlag):
     """Takes many rays per pixel; computed only if requested by name: ``pl.Truth.ALL | pl.Truth.OBJECT_SHARE``."""
     CHORD_DISPARITY = 4096
     """Takes chief rays through all neighbouring microlenses; computed only if requested by name."""
+    OPTICAL_DISTANCE = 8192
+    """In air the length of the ray; computed only if requested by name."""
 
 
 class PixelState(enum.IntEnum):
@@ -139,6 +141,10 @@ class GroundTruth:
         -z of the point in the camera's frame in mm; inf without a hit.
     distance : (H, W) array, optional
         Distance in mm from the camera's origin, the centre of its iris as designed, to the point; inf without a hit.
+    optical_distance : (H, W) array, optional
+        n l: refractive index of the lens's `front_medium` times the length in mm of the ray from the first element of
+        the lens, such as the window of a housing, to the point; inf without a hit. With LensModel.THIN and PARAXIAL
+        from the plane at which rays leave the lens.
     position : (H, W, 3) array, optional
         The point in the world in mm; nan without a hit.
     normal : (H, W, 3) array, optional
@@ -210,6 +216,9 @@ class GroundTruth:
     )
     distance: Floats | None = _channel(
         Truth.DISTANCE, _MESHES, np.inf, "from the camera's origin to the point", unit="mm"
+    )
+    optical_distance: Floats | None = _channel(
+        Truth.OPTICAL_DISTANCE, _MESHES, np.inf, "index times length of the ray from the lens to the point", unit="mm"
     )
     position: Floats | None = _channel(Truth.POSITION, _MESHES, np.nan, "the point in the world", "XYZ", unit="mm")
     normal: Floats | None = _channel(

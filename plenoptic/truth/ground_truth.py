@@ -59,6 +59,7 @@ def truth_record(camera: PlenopticCamera, record: CameraRecord, requested: Truth
         unvignetted=lens_record(camera.lens, camera.wavelength, reverse=True, clipping=False) if images else None,
         axes=np.ascontiguousarray(axes),
         step=SLOPE_STEP * abs(parts.z_plane - float(camera.lens.vertices[-1])),
+        front_index=float(camera.lens.indices(camera.wavelength)[0]),
         numbers=lens_numbers(record),
         chords=chord_record(camera) if requested & Truth.CHORD_DISPARITY else None,
     )

@@ -44,6 +44,8 @@ class TruthRecord(NamedTuple):
     """(4, 3): x, y, normal and centre of the array's front principal plane, in the lens's axes."""
     step: float
     """Separation of neighbouring rays at the array, in mm."""
+    front_index: float
+    """Refractive index in front of the lens."""
     numbers: NDArray[np.int64] | None
     """FREE lattices: indices of the listed microlenses, by row; None for others."""
     chords: ChordRecord | None
@@ -196,6 +198,10 @@ class PixelStages:
         norms = np.empty(len(self.hits.pixels))
         fill_norms(norms, self._camera_points)
         distances[self.hits.pixels] = norms
+
+    def fill_optical_distance(self, distances: Floats) -> None:
+        """Fill the refractive index in front of the lens times the length of the rays there, mm."""
+        distances[self.hits.pixels] = self._truth.front_index * self.hits.distance
 
     def fill_position(self, positions: Floats) -> None:
         """Fill the positions in the world, mm."""

@@ -8,7 +8,7 @@ import pytest
 import plenoptic as pl
 from plenoptic.rendering.schedule import tile_jobs
 
-EVERYTHING = pl.Truth.ALL | pl.Truth.OBJECT_SHARE | pl.Truth.CHORD_DISPARITY
+EVERYTHING = pl.Truth.ALL | pl.Truth.OBJECT_SHARE | pl.Truth.CHORD_DISPARITY | pl.Truth.OPTICAL_DISTANCE
 LENS = pl.load_lens("double-gauss-100mm-f2")
 VIEWS = [None, ((0, 0, 0), (-1, 0, 0), (0, 0, 1)), ((0, 0, 0), (0, 1, -0.3), (1, 0, 0))]
 

@@ -34,6 +34,8 @@ _CELL_POINTS = 4181
 _RINGS = 3
 _CORNER_GRID = 15
 _OPENING_FACTOR = 2.0
+_NEAR_AXIS = 1e-3
+"""Distance of points near the axis over that of the corners; their viewpoint differs from the axis's by its square."""
 _MAX_PITCHES = 5.0
 """Largest distance in pitches of microlenses that are tested for overlap."""
 
@@ -160,6 +162,40 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
         fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
         angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
     return min(fractions), max(angles)
+
+
+def front_view(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> tuple[float, float]:
+    """Field in front of the lens, and the caustic of its viewpoints, by chief rays of a plane's points (+-x, +-y).
+
+    Returns the largest angle between the chief rays of opposite corners in radians, and the largest distance along the
+    axis of their viewpoint from that of points near the axis in mm, 0 for a central projection; nan if a chief ray does
+    not pass.
+    """
+    corners = [np.array(corner), np.array([corner[0], -corner[1]])]
+    views = [_viewpoint(lens, point, z, wavelength) for point in corners]
+    near_axis = [_viewpoint(lens, _NEAR_AXIS * point, z, wavelength) for point in corners]
+    shifts = [abs(far[0] - near[0]) for far, near in zip(views, near_axis, strict=True)]
+    return float(np.max([angle for _, angle in views])), float(np.max(shifts))
+
+
+def _viewpoint(lens: LensStack, point: Floats, z: float, wavelength: float) -> tuple[float, float]:
+    """Position z in mm at which chief rays of opposite points are closest in front of the lens, and their angle."""
+    try:
+        chief = [
+            lens.trace_reverse(
+                aimed_rays_reverse(lens, image_point=end, z_image=z, pupil=np.zeros((1, 2)), wavelength=wavelength)
+            )
+            for end in (point, -point)
+        ]
+    except InvalidValueError:
+        return math.nan, math.nan
+    origin, direction = (np.concatenate([getattr(ray, name) for ray in chief]) for name in ("origin", "direction"))
+    if not np.isfinite(direction).all():
+        return math.nan, math.nan
+    distance = np.linalg.lstsq((direction * [[-1.0], [1.0]]).T, origin[0] - origin[1], rcond=None)[0]
+    nearest = origin + distance[:, None] * direction
+    half_chord = 0.5 * float(np.linalg.norm(direction[0] - direction[1]))
+    return float(nearest[:, 2].mean()), 2.0 * math.asin(min(1.0, half_chord))
 
 
 def clearance(camera: PlenopticCamera) -> float:

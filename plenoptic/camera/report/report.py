@@ -17,6 +17,7 @@ from plenoptic.camera.report.findings import CameraFinding, camera_findings
 from plenoptic.camera.report.focus import MicrolensFocus, microlens_focus, report_row
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import check_has, value
+from plenoptic.optics.glass.media import AIR
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
@@ -84,6 +85,12 @@ class CameraReport:
         Fraction of the iris from which light reaches the corner of the sensor, traced.
     corner_chief_angle : float
         Angle between the chief ray of that corner and the axis, in radians.
+    front_field : float or None
+        Angle between the chief rays of opposite corners of the sensor in the front medium of a lens that is not in air,
+        in radians; nan if they are vignetted.
+    viewpoint_caustic : float or None
+        Distance along the axis from the point where chief rays near the axis come together, in that medium, to that of
+        the corners, in mm: a plane port has no single viewpoint.
     wavelength : float
         nm.
     warnings : tuple of CameraFinding
@@ -113,6 +120,8 @@ class CameraReport:
     clearance: float = report_row("clearance from lens to {plane}", "mm", _LENS)
     corner_pupil_fraction: float = report_row("part of the iris seen from the corner", "%", _LENS)
     corner_chief_angle: float = report_row("angle of the chief ray in the corner", "deg", _LENS)
+    front_field: float | None = report_row("field in the front medium, corner to corner", "deg", _LENS)
+    viewpoint_caustic: float | None = report_row("viewpoints there, from axis to corner", "mm", _LENS)
     wavelength: float
     warnings: tuple[CameraFinding, ...] = ()
 
@@ -160,6 +169,8 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
     corner = (camera.sensor.size[1] / (2 * stretch), camera.sensor.size[0] / (2 * stretch))
     pupil_fraction, chief_angle = (1.0, 0.0) if walls else illumination.corner_light(lens, corner, z, wavelength)
     points = None if lens.model is LensModel.NONE else cardinal_points(lens, wavelength)
+    immersed = points is not None and not walls and lens.front_medium != AIR
+    field, caustic = illumination.front_view(lens, corner, z, wavelength) if immersed else (None, None)
     types = (0,) if array is None else range(len(array.focal_lengths))
     focus = tuple(microlens_focus(camera, type_, traced) for type_ in types)
     on_axis = 0 if array is None else array.focal_lengths.index(array.focal_length)
@@ -176,6 +187,8 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         clearance=illumination.clearance(camera),
         corner_pupil_fraction=pupil_fraction,
         corner_chief_angle=chief_angle,
+        front_field=field,
+        viewpoint_caustic=caustic,
         wavelength=wavelength,
     )
     return dataclasses.replace(report, warnings=camera_findings(camera, report))
