@@ -51,6 +51,18 @@ ideal_lens_in_one_medium optics/lens/lens_record.py: optics/lens/test_two_media.
 radiance_over_squared_index camera/camera_record.py: camera/test_two_media.py
 - (indices[:, 1] / indices[:, 0]) ** 2
 + (indices[:, 0] / indices[:, 1]) ** 2
+dome_of_one_radius optics/lens/window.py: optics/lens/test_window.py
+- Surface(outer - thick, gap, lens.front_medium, semi_diameter=inner_size),
++ Surface(outer, gap, lens.front_medium, semi_diameter=inner_size),
+window_about_its_front optics/lens/window.py: optics/lens/test_window.py
+- pivot = float(behind.vertices[1])
++ pivot = float(behind.vertices[0])
+optical_distance_in_air truth/truth_stages.py: camera/test_underwater.py
+- = self._truth.front_index * self.hits.distance
++ = self.hits.distance
+viewpoint_of_one_ray camera/report/illumination.py: camera/test_underwater.py
+- distance = np.linalg.lstsq((direction * [[-1.0], [1.0]]).T, origin[0] - origin[1], rcond=None)[0]
++ distance = np.linalg.lstsq((direction * [[-1.0], [1.0]]).T, origin[1] - origin[0], rcond=None)[0]
 seidel_distortion optics/lens/analysis/seidel.py: optics/lens/analysis/test_seidel.py optics/lens/analysis
 - + (invariant - a_bar * y) * y_bar * c * inverse_step)
 + + (invariant + a_bar * y) * y_bar * c * inverse_step)
