@@ -166,6 +166,19 @@ def test_plenoptomos_cuts_micro_images_where_they_are(tmp_path, square):
     assert numbers["main_lens/f1"] == pytest.approx(pl.paraxial.cardinal_points(taken_by.lens).efl)
 
 
+def test_plenoptomos_gets_the_focal_length_in_the_medium_of_the_sensor(tmp_path):
+    taken_by = camera(pl.Lattice.SQUARE)
+    lens = pl.optics.window(taken_by.lens, 8.0, pl.glass("N-BK7"), distance=20.0, outside=pl.ConstantMedium(1.333))
+    taken_by = dataclasses.replace(taken_by, lens=lens)
+    pl.export.plenoptomos(tmp_path / "a.vox", *shots(taken_by))
+    numbers = pl.export.read_plenoptomos(tmp_path / "a.vox").numbers
+    # 1 / f = 1 / z1 + 1 / z0 with the apparent distance z0 = z / n of the plane imaged onto the array.
+    points, plane = pl.paraxial.cardinal_points(lens), pl.paraxial.object_position(lens, taken_by.stop_to_microlenses)
+    apparent = (points.front_principal - plane) / 1.333
+    z1 = numbers["micro_lenses_array/position"][2]
+    assert 1 / numbers["main_lens/f1"] == pytest.approx(1 / z1 + 1 / apparent, rel=1e-9)
+
+
 def test_lattices_that_formats_do_not_know_are_refused(tmp_path, hexagonal):
     _, shot, white, _ = hexagonal
     for write in (pl.export.napari_lf, pl.export.pyolaf):
