@@ -72,7 +72,7 @@ def compote(  # noqa: PLR0913
     Raises
     ------
     InvalidValueError
-        Without microlenses on a lattice, or for images of a region.
+        Without microlenses on a lattice, for images of a region, or for targets in another medium than the sensor's.
     FileError
         If a file cannot be written.
 
@@ -106,8 +106,14 @@ def compote(  # noqa: PLR0913
     if shot.region is not None:
         raise InvalidValueError("the images are of a region; render the whole sensor")
     rows = _with_even_rows(lens_rows(shot, turn=True))
-    camera = rows.camera
-    f_number = cardinal_points(camera.lens, camera.wavelength).f_number
+    camera, boards = rows.camera, targets_of(targets)
+    points = cardinal_points(camera.lens, camera.wavelength)
+    if boards and points.efl != points.front_efl:
+        raise InvalidValueError(
+            f"targets stand in a medium of {points.front_efl / points.efl:.4g} times the rear index, and the "
+            "program's camera has one medium on both sides: leave targets out"
+        )
+    f_number = points.f_number
     whites = [("white.png", f_number, white.image[cut])]
     for number, other in enumerate(other_whites):
         if other.camera is None:
@@ -116,7 +122,6 @@ def compote(  # noqa: PLR0913
         whites.append((f"white_{number + 2}.png", stopped, other.image[crop_in_white_image(shot, other)[0]]))
     for file, _, image in [(f"{name}.png", f_number, shot.image), *whites]:
         write_picture(target / file, rows.turn_image(image), scale=white_point(image), bits=8, encoded=True)
-    boards = targets_of(targets)
     frame_facts = {"path": f"{name}.png", "fnumber": f_number}
     listed = [{"path": file, "fnumber": stopped} for file, stopped, _ in whites]
     write_json(

@@ -130,6 +130,11 @@ def test_what_it_needs(tmp_path):
     assert len(whites) == 2 and whites[1]["fnumber"] == pytest.approx(2 * whites[0]["fnumber"])
     with pytest.raises(InvalidValueError, match="without a camera"):
         pl.export.compote(tmp_path, whole, whole, other_whites=[pl.Exposure(np.ones((180, 220, 1)))])
+    lens = pl.optics.window(camera.lens, 8.0, pl.glass("N-BK7"), distance=20.0, outside=pl.ConstantMedium(1.333))
+    wet = pl.Exposure(np.ones((180, 220, 1)), camera=dataclasses.replace(camera, lens=lens))
+    board = pl.targets.checkerboard(3, 3, square=1.0).translated(z=-404)
+    with pytest.raises(InvalidValueError, match="in a medium of 1.333 times the rear index, .* leave targets out"):
+        pl.export.compote(tmp_path, wet, wet, targets=board)
 
 
 @pytest.mark.parametrize(("lattice", "degrees"), [(pl.Lattice.HEXAGONAL, d) for d in (0.4, 29.0, 171.0)]
