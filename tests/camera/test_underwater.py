@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from camera_helpers import bare_camera, camera_with, in_world
+from camera_helpers import bare_camera, camera_with, in_world, white
 
 import plenoptic as pl
 
@@ -102,8 +102,12 @@ def test_chief_rays_without_microlenses_pass_the_centre_of_the_iris():
     assert np.abs(projection.position - there[:, :2]).max() < 1e-6 * camera.sensor.pixel_pitch
 
 
-def plane(z, tilt_deg=0.0, **how):
-    return pl.quad((-2e3, -2e3, 0), (4e3, 0, 0), (0, 4e3, 0), **how).rotated_deg((0, 1, 0), tilt_deg).translated(z=z)
+def plane(z, tilt_deg=0.0, size=4e3, **how):
+    return (
+        pl.quad((-size / 2, -size / 2, 0), (size, 0, 0), (0, size, 0), **how)
+        .rotated_deg((0, 1, 0), tilt_deg)
+        .translated(z=z)
+    )
 
 
 def test_truth_behind_a_window_is_the_first_hit_and_its_optical_distance():
@@ -173,6 +177,22 @@ def test_report_of_a_lens_behind_a_window():
     narrow = pl.optics.window(LENS, 10.0, GLASS, distance=300.0, outside=WATER, semi_diameter=8.0)
     report = camera_with(shape=(400, 4000), lens=narrow).report()
     assert math.isnan(report.front_field) and math.isnan(report.viewpoint_caustic)
+
+
+def test_pixels_whose_rays_are_totally_reflected_are_dark():
+    wet = dataclasses.replace(LENS, front_medium=WATER)
+    focus = pl.paraxial.cardinal_points(wet).rear_focus
+    for tilt in (0.84, 1.2):  # the critical angle is 0.848
+        lens = pl.optics.window(wet, 5.0, GLASS, distance=40.0, tilt=(tilt, 0.0), outside=pl.optics.AIR)
+        camera = bare_camera(lens, z=focus + 3.0, shape=(32, 32), pitch=0.6)
+        shot = white(camera)
+        truth = pl.ground_truth(pl.Scene([plane(-3000.0, size=1e6)]), camera, progress=False)
+        assert np.isfinite(shot.image).all() and np.isfinite(shot.standard_error).all()
+        lit = shot.image[..., 0] > 0
+        assert (truth.state[lit] == pl.images.PixelState.SEEN).all() and np.isfinite(truth.depth[lit]).all()
+        assert 0.3 < lit.mean() < 0.9 if tilt == 0.84 else not lit.any() and np.isinf(truth.depth).all()
+        projection = pl.project(camera, [(0.0, 0.0, -800.0), (0.0, 300.0, -800.0)], progress=False)
+        assert np.isfinite(projection.light).all()
 
 
 def tank(size, wall, z):

@@ -10,6 +10,7 @@ from plenoptic.core.values import check_kind, coefficients, coordinate, length_i
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -64,8 +65,8 @@ def window(
     Raises
     ------
     PrescriptionError
-        If a number is out of range, a flat window has no distance, or a dome around the entrance pupil would cut the
-        lens.
+        If a number is out of range, a flat window has no distance, a dome around the entrance pupil would cut the lens,
+        or its model is NONE.
 
     Examples
     --------
@@ -79,6 +80,10 @@ def window(
     0.0
     """
     check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
+    if lens.model is LensModel.NONE:
+        raise PrescriptionError(
+            "the model of the lens is NONE, which refracts no light; take lens.with_model(pl.LensModel.EXACT)"
+        )
     thick, front = length_in_mm(thickness, "thickness"), lens.front_medium if outside is None else outside
     check_medium(medium, "medium")
     check_medium(front, "outside")

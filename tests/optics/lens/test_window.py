@@ -242,7 +242,7 @@ def test_bad_windows_are_refused_with_a_sentence():
         ((lens, 10.0, GLASS, {"distance": 1.0, "tilt": (2.0, 0.0)}), "about x and y it must be below pi / 2"),
         ((lens, 10.0, GLASS, {"radius": 90.0, "semi_diameter": 91.0}), "semi_diameter 91 mm exceeds the radius"),
         (("lens", 10.0, GLASS, {"distance": 1.0}), "lens is a str; give a LensStack"),
-        ((pl.no_lens(5.0), 10.0, GLASS, {"distance": 1.0, "outside": WATER}), "NONE, which refracts no light"),
+        ((pl.no_lens(5.0), 10.0, GLASS, {"distance": 1.0}), "NONE, which refracts no light; take lens.with_model"),
     ):
         keywords = arguments[3] if len(arguments) > 3 else {}
         with pytest.raises(InvalidValueError, match=message):
