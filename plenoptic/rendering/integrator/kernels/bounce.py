@@ -8,7 +8,7 @@ from plenoptic.core.kernels.sobol import random_number
 from plenoptic.core.kernels.vectors import dot, fill_vector, frame_about, negate, row_vector, scale
 from plenoptic.core.kernels.wavelengths import wavelength_index
 from plenoptic.core.numba.jit import kernel
-from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, to_local
+from plenoptic.rendering.integrator.kernels.local_frame import leaving_point, refracted_point, to_local
 from plenoptic.scene.geometry.geometry_records import NORMAL, SHADING_NORMAL
 from plenoptic.scene.materials.kernels.bsdf import sample, surface_at
 
@@ -71,7 +71,11 @@ def sample_bsdf(new, source, interactions, queue, bsdf, wavelengths, russian_rou
             if random_number(key, index, _ROULETTE) >= largest:
                 continue
             radiance_scale /= largest
-        fill_vector(next_rays, n_rays, 0, leaving_point(rows, i, cosine))
+        origin = leaving_point(rows, i, cosine)
+        if glass_index is not None:
+            if surface.eta > 0.0 and direction[2] * to_viewer[2] < 0.0:
+                origin = refracted_point(rows, i, w, cosine)
+        fill_vector(next_rays, n_rays, 0, origin)
         # One Newton step towards unit length, so that rounding errors do not accumulate over bounces.
         fill_vector(next_rays, n_rays, 3, scale(w, 1.5 - 0.5 * dot(w, w)))
         next_path[n_rays] = path
