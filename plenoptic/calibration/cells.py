@@ -13,7 +13,7 @@ from plenoptic.optics.microlens.lattice import rows_of
 
 _BORDER = 2.0
 """Width of the borders of cells over which weights fall to 0, pixels."""
-_STEP, _MAX_GAIN = 0.5, 0.8
+_STEP, _MAX_GAIN = 0.5, 0.9
 """Displacement of cells in pixels by which the motion of centroids is measured, and the largest motion."""
 
 

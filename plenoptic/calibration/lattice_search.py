@@ -116,7 +116,8 @@ def lattice_of(basis: Floats) -> tuple[Lattice, Floats]:
 
 def _sort_steps(steps: list[Floats], *, hexagonal: bool) -> Floats:
     both = np.array([sign * step for step in steps for sign in (1.0, -1.0)])
-    k, l = both[both[:, 1].argmin()], both[both[:, 0].argmax()]
+    k = both[both[:, 1].argmin()]
+    l = both[both[:, 0].argmax() if hexagonal else np.argmax(_cross(k, both))]
     if hexagonal:
         along_rows = -k[1] / np.hypot(*k) >= l[0] / np.hypot(*l)
         fixed = k if along_rows else l

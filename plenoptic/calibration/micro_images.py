@@ -31,9 +31,12 @@ _MIN_LIGHT = 0.01
 """Least light over that of bright micro images."""
 _OUTLIER, _MIN_SCATTER = 5.0, 0.002
 """Largest differences in place and light from neighbours in standard deviations, and least deviation of light."""
-_TOUCHING, _MAX_GAIN, _DEFECT = 0.02, 0.68, 0.2
-"""Motion of centroids with their cells from which on micro images touch, and up to which they are measured; relative
-difference of the light of defects."""
+_TOUCHING, _DEFECT = 0.02, 0.2
+"""Motion of centroids with their cells from which on micro images touch, and relative difference of the light of
+defects."""
+_MAX_GAIN, _MAX_GAIN_WITHOUT_BLACK = 0.83, 0.68
+"""Motion up to which micro images are measured: 0.81 of those that touch and are 8 pixels large. Light that is taken
+for black makes it smaller, not the errors."""
 _SHARED = 0.6
 """Error of centres over their scatter times that motion, of micro images that touch, in rendered white images."""
 _SCENE_LIGHT, _SCENE_SHIFT = 0.12, 0.04
@@ -96,7 +99,7 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
         places = origin + _around(_START) @ basis
         gain = cell.gain(plane, places)
         origin = origin + np.nanmedian(cell.moments(plane, places).centroid - places, axis=0) / (1.0 - gain)
-    if gain > _MAX_GAIN:
+    if gain > (_MAX_GAIN if plane.has_black else _MAX_GAIN_WITHOUT_BLACK):
         raise InvalidValueError(
             "micro images cannot be told from their borders: they overlap, or show a scene; give an image of a uniform "
             "bright surface, with the main lens's stop closed until dark gaps stand between them"
@@ -151,7 +154,7 @@ def _around(steps: int) -> NDArray[np.int64]:
 
 def _contrasts(plane: WhitePlane, centre: Floats, radius: float) -> Floats:
     """Standard deviation (n,) of the light around centres, less that of noise, over the mean."""
-    light, variance = (np.pad(each, math.ceil(radius) + 1, mode="edge") for each in plane)
+    light, variance = (np.pad(each, math.ceil(radius) + 1, mode="edge") for each in plane[:2])
     steps = _around(math.ceil(radius))
     pixel = np.rint(centre).astype(np.int64)[:, None] + steps
     inside = np.linalg.norm(pixel - centre[:, None], axis=2) <= radius

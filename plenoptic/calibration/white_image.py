@@ -31,6 +31,8 @@ class WhitePlane(NamedTuple):
 
     light: Floats
     variance: Floats
+    has_black: bool
+    """False if black is taken to be the darkest pixels, which may be lit where micro images touch."""
 
 
 def white_plane(white: Any) -> WhitePlane:
@@ -70,7 +72,7 @@ def white_plane(white: Any) -> WhitePlane:
                 f"the white image is too dark: its light reaches {bright:.3g} above black, and its noise is "
                 f"{noise:.2g}; expose longer"
             )
-    return WhitePlane(plane, variance)
+    return WhitePlane(plane, variance, black is not None)
 
 
 def _check_saturation(image: NDArray[Any], full: float) -> None:

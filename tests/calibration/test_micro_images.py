@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.calibration.lattice_search import lattice_of
 from plenoptic.errors import InvalidValueError
 
 find = pl.calibration.find_micro_images
@@ -61,6 +62,10 @@ def test_lattices_are_told_apart_turned_by_any_angle(name):
         # 5 % of the light is in pixels of borders, which the drawing samples at their centres.
         assert np.sqrt(np.mean(errors_of(grid, centres) ** 2)) < 0.012 and len(grid.index) > 100
         assert grid.deviation is None and grid.type_pattern.tolist() == [[0]]
+
+
+def test_steps_of_a_lattice_turned_by_half_a_right_angle_are_different():
+    assert np.linalg.det(lattice_of(np.array([(4.0, -4.0), (-4.001, -4.001)]))[1]) == pytest.approx(32.0, rel=1e-3)
 
 
 def test_standard_errors_are_those_of_the_noise():
@@ -183,6 +188,22 @@ def test_centres_are_the_centroids_of_the_camera(name):
     assert len(np.unique(grid.type_pattern)) == len(camera.microlenses.focal_lengths)
     assert np.sqrt(np.mean(error**2)) < 0.02 and len(grid.index) > 50
     assert np.sqrt(np.mean((error / grid.standard_error) ** 2)) < 2.0
+
+
+def test_touching_micro_images_of_designed_cameras_are_found():
+    lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
+    for pitch, focal_length in ((0.1, 1.7), (0.11, 3.0)):
+        camera = pl.design_camera(
+            lens, sensor=pl.Sensor((200, 240), 0.0135), kind=pl.CameraKind.PLENOPTIC_1, z=-478.0, pitch=pitch,
+            focal_length=focal_length,
+        ).camera.moved(pl.CameraPart.MICROLENSES, shift=(0.05, -0.03, 0.0), tilt=(0.0, 0.0, 0.01))  # fmt: skip
+        white = pl.render_white(camera, samples=64, progress=False)
+        sensor = pl.SensorModel(8e3 / float(white.image.max()), read_noise=4.0, gain=0.2, bits=14, full_well=60000)
+        truth = pl.microlens_centres(camera, pl.CentreMethod.CENTROID, margin=1.0, progress=False)
+        for image in (white, white.develop(sensor, seed=1)):
+            grid = find(image)
+            error = errors_of(grid, truth.pixel[np.isfinite(truth.pixel[:, 0])])
+            assert np.sqrt(np.mean(error**2)) < 0.02 and len(grid.index) > 500
 
 
 @pytest.mark.parametrize("lattice, turn", [(HEXAGONAL, -0.003), (HEXAGONAL, math.pi / 2 + 0.002), (SQUARE, -0.1)])
