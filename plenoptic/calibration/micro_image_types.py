@@ -93,7 +93,7 @@ def disc_borders(light: Floats, grid: MicroImageGrid) -> Floats:
     """Radius of half of the light, and width of the border, (types, 2), of micro images near the centre of an image.
 
     Pixels are those towards the corners of cells, which get least light of neighbours. nan where light does not fall
-    by three quarters there.
+    by half there.
     """
     assert grid.index is not None and grid.centre is not None
     near = np.argsort(np.hypot(*(grid.centre - 0.5 * np.array(grid.shape)).T), kind="stable")[:_MOST]
@@ -113,7 +113,9 @@ def disc_borders(light: Floats, grid: MicroImageGrid) -> Floats:
         of_kind = [values[(rings == k) & (types == kind)[:, None]] for k in range(math.floor((reach - inner) / _BIN))]
         profile = np.array([np.median(ring) if len(ring) else 1.0 for ring in of_kind])
         outer, half, rim = (_fall(profile, level) * _BIN + inner for level in (0.75, 0.5, 0.25))
-        result[kind] = half, math.sqrt(max(((rim - outer) / _QUARTERS) ** 2 - _PIXEL_BORDER**2, 0.0))
+        # Where neighbours touch, light may not fall by three quarters.
+        width = 2.0 * (half - outer) if math.isnan(rim) else rim - outer
+        result[kind] = half, math.sqrt(max((width / _QUARTERS) ** 2 - _PIXEL_BORDER**2, 0.0))
     return result
 
 

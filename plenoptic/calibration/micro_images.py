@@ -144,7 +144,8 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     typical = np.array([np.median(radius[types == t]) if t in types else np.nan for t in range(len(border))])
     # Second moments are those of the discs, blurred by their borders and cut at the cells.
     radius = radius * np.where(np.isfinite(half_light), half_light / typical, 1.0)[types]
-    return dataclasses.replace(grid, radius=radius, border=np.nan_to_num(border))
+    border = np.nan_to_num(border) if np.isfinite(border).any() else None
+    return dataclasses.replace(grid, radius=radius, border=border)
 
 
 def _around(steps: int) -> NDArray[np.int64]:

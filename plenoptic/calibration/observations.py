@@ -14,6 +14,11 @@ from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
 
 
+def is_in_views(index: NDArray[np.int64] | Floats) -> bool:
+    """True for fractional lattice indices (n, 2): those of corners in views; False for corners in micro images."""
+    return bool(np.any(index % 1))
+
+
 @value
 class Observations:
     """Corners of boards seen through microlenses, and centres of the micro images of a white image.
@@ -94,7 +99,7 @@ class Observations:
     @property
     def in_views(self) -> bool:
         """True for corners in views, whose indices are fractional; False for corners in micro images."""
-        return bool(np.any(self.index % 1))
+        return is_in_views(self.index)
 
     @property
     def frames(self) -> NDArray[np.int64]:

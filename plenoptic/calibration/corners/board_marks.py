@@ -26,7 +26,7 @@ _CHUNK = 2048
 
 
 def place_by_marks(
-    patches: Patches, plane: BoardPlane, place: NDArray[np.int64], kind: int, marks: NDArray[np.bool_]
+    patches: Patches, marks: NDArray[np.bool_], plane: BoardPlane, place: NDArray[np.int64], kind: int
 ) -> NDArray[np.int64]:
     """Row and column (m, 2) on the board of corners at places (m, 2) of a lattice, which has this plane.
 

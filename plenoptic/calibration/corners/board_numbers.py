@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.calibration.corners.board_marks import place_by_marks
 from plenoptic.calibration.corners.board_plane import TURNS, BoardPlane, fit_homography, fit_plane, invert, project
-from plenoptic.calibration.corners.patches import Patches
 from plenoptic.calibration.corners.virtual_points import VirtualPoints
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -22,12 +21,14 @@ _MIN_POINTS = 6
 
 
 def number_points(
-    points: VirtualPoints, shape: tuple[int, int], patches: Patches, marks: NDArray[np.bool_] | None
+    points: VirtualPoints,
+    shape: tuple[int, int],
+    place_by_marks: Callable[[BoardPlane, NDArray[np.int64], int], NDArray[np.int64]] | None = None,
 ) -> tuple[NDArray[np.int64], BoardPlane]:
     """Row and column (k, 2) of virtual points on a board with corners of this shape, -1 where a point is none.
 
-    The square at the upper left is dark; marks (rows, columns) are those of the squares. Raises InvalidValueError if
-    the points are not those of the board.
+    The square at the upper left is dark. Of a board with marks, these place the corners at places of a lattice.
+    Raises InvalidValueError if the points are not those of the board.
     """
     rows, place = _lattice(points) if len(points.w) else (np.zeros(0, np.int64), np.zeros((0, 2), np.int64))
     if len(rows) < _MIN_POINTS or min(np.ptp(place, axis=0)) < 1:
@@ -36,10 +37,10 @@ def number_points(
             "give the raw image of a checkerboard that several micro images show"
         )
     kind = _kinds(points, rows, place)
-    if marks is None:
+    if place_by_marks is None:
         index = _place(place, kind, fit_homography(place, points.position[rows]), shape)
     else:
-        index = place_by_marks(patches, fit_plane(points, rows, place), place, kind, marks)
+        index = place_by_marks(fit_plane(points, rows, place), place, kind)
     on_board = ((index >= 0) & (index < shape)).all(axis=1)
     numbers = np.full((len(points.w), 2), -1)
     numbers[rows[on_board]] = index[on_board]

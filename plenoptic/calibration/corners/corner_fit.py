@@ -11,6 +11,11 @@ from plenoptic.core.values import Floats
 
 _STEPS, _CHUNK = 12, 2048
 """Steps of the fit, and corners that are fitted together."""
+_BLUR, _MOTION = 0.8, 1.5
+"""Blur with which the fit starts, and the largest step from there of corners that count."""
+_MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
+"""Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
+light, and least sine of the angle between edges."""
 _DAMPING, _MIN_DAMPING = 1e-2, 1e-6
 _SIGMA = (0.05, 6.0)
 """Limits of the blur's standard deviation in pixels."""
@@ -42,6 +47,21 @@ class CornerFit(NamedTuple):
         """Some of the corners."""
         return CornerFit(*(part[chosen] for part in self))
 
+    def is_clear(self, start: Floats, bright: float) -> NDArray[np.bool_]:
+        """True for corners near their starts (n, 2), with clear edges in light of this brightness."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(
+                (self.standard_error.max(axis=1) < _MAX_ERROR)
+                & (np.hypot(*(self.pixel - start).T) < _MOTION)
+                & (self.contrast > _MIN_SIGNAL * self.residual)
+                & (self.contrast > _MIN_CONTRAST * bright)
+                & (np.abs(np.sin(self.angle[:, 1] - self.angle[:, 0])) > _MIN_SINE)
+            )
+
+    def is_along(self, angle: Floats) -> NDArray[np.bool_]:
+        """True for corners whose bright quadrants are those of normals at angles (n, 2)."""
+        return np.asarray(np.cos(self.angle.sum(axis=1) - angle.sum(axis=1)) > 0.5)
+
 
 class Windows(NamedTuple):
     """Pixels around corners."""
@@ -54,8 +74,8 @@ class Windows(NamedTuple):
     """(n, m): 0 outside the micro image."""
 
 
-def fit_corners(windows: Windows, pixel: Floats, angle: Floats, sigma: float) -> CornerFit:
-    """Fit corners (n, 2), starting from their pixels, normals' angles (n, 2) and one blur.
+def fit_corners(windows: Windows, pixel: Floats, angle: Floats) -> CornerFit:
+    """Fit corners (n, 2), starting from their pixels and normals' angles (n, 2).
 
     Levenberg-Marquardt steps; the light is mean + contrast E1 E2, where E is an edge blurred by a normal distribution.
     Errors are those of the residuals.
@@ -63,16 +83,16 @@ def fit_corners(windows: Windows, pixel: Floats, angle: Floats, sigma: float) ->
     parts = []
     for first in range(0, max(len(pixel), 1), _CHUNK):
         rows = slice(first, first + _CHUNK)
-        parts.append(_fit(Windows(*(part[rows] for part in windows)), pixel[rows], angle[rows], sigma))
+        parts.append(_fit(Windows(*(part[rows] for part in windows)), pixel[rows], angle[rows]))
     return CornerFit(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _fit(windows: Windows, pixel: Floats, angle: Floats, sigma: float) -> CornerFit:
+def _fit(windows: Windows, pixel: Floats, angle: Floats) -> CornerFit:
     n = len(pixel)
     total = np.maximum(windows.weight.sum(axis=1), 1e-12)
     mean = (windows.weight * windows.light).sum(axis=1) / total
     scatter = np.sqrt((windows.weight * (windows.light - mean[:, None]) ** 2).sum(axis=1) / total)
-    values = np.column_stack([pixel, angle, np.full(n, np.log(sigma)), scatter, mean])
+    values = np.column_stack([pixel, angle, np.full(n, np.log(_BLUR)), scatter, mean])
     damping, diagonal = np.full(n, _DAMPING), np.arange(_UNKNOWNS)
     residual, slope = _residual(windows, values)
     cost = (windows.weight * residual**2).sum(axis=1)

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plenoptic.calibration.corners.board_marks import without_marks
+from plenoptic.calibration.corners.board_marks import place_by_marks, without_marks
 from plenoptic.calibration.corners.board_numbers import number_points
 from plenoptic.calibration.corners.board_plane import BoardPlane
 from plenoptic.calibration.corners.corner_fit import CornerFit, Windows, fit_corners
 from plenoptic.calibration.corners.patches import UNVIGNETTED, Patches, patches_of
 from plenoptic.calibration.corners.saddle_points import saddle_points
-from plenoptic.calibration.corners.view_corners import find_view_corners, has_low_depth
+from plenoptic.calibration.corners.view_corners import find_view_corners, is_unfocused, light_slopes
 from plenoptic.calibration.corners.vignetting import cone_displacement
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
-from plenoptic.calibration.observations import Observations
+from plenoptic.calibration.observations import Observations, is_in_views
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, Given, check_kind, value
@@ -31,11 +32,6 @@ from plenoptic.scene.shapes.targets.target import Target
 _SEARCH, _WINDOW, _MIN_WINDOW, _SPACING = 0.5, 0.7, 3.0, 0.8
 """Radius of windows over that of micro images, in the search and in the last fit, their least radius in pixels, and
 largest one over the distance of neighbouring corners."""
-_BLUR, _MOTION = 0.8, 1.5
-"""Blur with which the fit starts, and its largest step from there in pixels."""
-_MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
-"""Of corners that count: largest standard error in pixels, least half contrast over the residuals and over the bright
-light, and least sine of the angle between edges."""
 _SIDES = 0.7
 """Distance along rows and columns at which pixels show a corner on all sides, over the blur's standard deviation."""
 _MAX_BLUR = 0.2
@@ -78,7 +74,7 @@ class BoardCorners:
     @property
     def in_views(self) -> bool:
         """True for corners in views; False for corners in micro images."""
-        return bool(np.any(np.mod(self.index, 1)))
+        return is_in_views(self.index)
 
     _repr_html_ = picture_of
 
@@ -146,8 +142,10 @@ def find_corners(
 
     In views, light of the pixels at one offset from the centres of the micro images is taken at the microlenses, where
     the same model is fitted to it. The board is numbered in the view of the centres; the others begin with its corners
-    and their disparities. Views are searched first if the mean virtual depth, by the slopes of the light within and
-    between micro images, is below 2.5, and otherwise if micro images show no board.
+    and their disparities. The camera is unfocused if the border of micro images in the white image is narrower than 0.3
+    pitches over the mean virtual depth, which is the ratio of the slopes of the light within and between micro images:
+    it is 1 pitch over the virtual depth in focus. Where no border shows, the camera is unfocused if the mean virtual
+    depth is below 2.5. If its views show no board, as of small squares, micro images are searched.
 
     Examples
     --------
@@ -162,24 +160,34 @@ def find_corners(
     >>> len(corners) > 150, sorted(set(corners.point.tolist())) == list(range(12))
     (True, True)
     """
-    return _find_corners(raw, grid, board, white, None)
+    frames, errors = _find_frames([raw], grid, board, white)
+    for error in errors.values():
+        raise error
+    return frames[0]
 
 
-def _find_corners(raw: Any, grid: MicroImageGrid, board: Target, white: Any, in_views: bool | None) -> BoardCorners:
-    """Corners in micro images or in views; None: in those where the light says that they are, or else in the others."""
+def _find_frames(
+    raws: Sequence[Any], grid: MicroImageGrid, board: Target, white: Any
+) -> tuple[list[BoardCorners], dict[int, InvalidValueError]]:
+    """Corners of images, all in micro images or all in views, and errors of those that show none, by their numbers."""
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
-    shape = _corners_of(board)
-    lit, patches = patches_of(raw, white, grid)
-    if in_views is not None:
-        return _corners_in(lit, patches, grid, board, shape, in_views)
-    likely = has_low_depth(patches, grid.basis)
-    try:
-        return _corners_in(lit, patches, grid, board, shape, likely)
-    except InvalidValueError as error:
-        try:
-            return _corners_in(lit, patches, grid, board, shape, not likely)
-        except InvalidValueError:
-            raise error from None
+    shape, slopes = _corners_of(board), np.zeros(2)
+    for raw in raws:
+        slopes += light_slopes(patches_of(raw, white, grid)[1], grid.basis)
+    # Squares may be too small for views.
+    results = []
+    for in_views in (True, False) if is_unfocused(grid, slopes) else (False,):
+        frames: list[BoardCorners] = []
+        errors: dict[int, InvalidValueError] = {}
+        for number, raw in enumerate(raws):
+            try:
+                frames.append(_corners_in(*patches_of(raw, white, grid), grid, board, shape, in_views))
+            except InvalidValueError as error:
+                errors[number] = error
+        results.append((frames, errors))
+        if frames:
+            return frames, errors
+    return results[0]
 
 
 def _corners_in(
@@ -196,7 +204,8 @@ def _corners_in(
     candidates, image = _candidates(lit)
     centre, radius = patches.centre[image], float(np.median(patches.radius)) * UNVIGNETTED[1]
     points = virtual_points(patches.lattice_index[image], centre, candidates, grid.basis, radius)
-    numbers, plane = number_points(points, shape, patches, board.marks)
+    by_marks = None if board.marks is None else partial(place_by_marks, patches, board.marks)
+    numbers, plane = number_points(points, shape, by_marks)
     corners, image, point = _fit_all(patches, points, numbers, plane, shape, grid.pitch, board.marks)
     return BoardCorners(
         patches.lattice_index[image], corners.pixel, corners.standard_error, point, corners.sigma / _DISC
@@ -215,7 +224,7 @@ def observe(
     Parameters
     ----------
     raws : sequence of raw images
-        One for each pose of the board, see `find_corners`. Corners are in views if those of most images are.
+        One for each pose of the board, see `find_corners`: all together tell whether corners are in views.
     white : as a raw image
         See `find_micro_images`.
     board : Target
@@ -246,20 +255,12 @@ def observe(
     """
     if isinstance(raws, (Exposure, RawImage)):
         raise InvalidValueError("raws is one raw image; give a list of them, one for each pose of the board")
-    grid = find_micro_images(white)
-    results = [_corners_or_error(raw, grid, board, white) for raw in raws]
-    kinds = [each.in_views for each in results if isinstance(each, BoardCorners)]
-    # One camera is of one kind: near the array, and far from it, single images may look like those of the other.
-    in_views = 2 * sum(kinds) > len(kinds)
-    frames: list[BoardCorners] = []
-    for number, (raw, corners) in enumerate(zip(raws, results, strict=True)):
-        if isinstance(corners, BoardCorners) and corners.in_views != in_views:
-            corners = _corners_or_error(raw, grid, board, white, in_views)
-        if isinstance(corners, InvalidValueError):
-            raise InvalidValueError(f"image {number}: {corners}")
-        frames.append(corners)
-    if not frames:
+    if not len(raws):
         raise InvalidValueError("raws is empty; give one raw image or more")
+    grid = find_micro_images(white)
+    frames, errors = _find_frames(raws, grid, board, white)
+    for number, error in errors.items():
+        raise InvalidValueError(f"image {number}: {error}")
     assert grid.index is not None and grid.centre is not None
     return Observations(
         index=np.concatenate([frame.index for frame in frames]),
@@ -271,17 +272,8 @@ def observe(
         centre_pixel=grid.centre,
         sensor=Sensor(shape=grid.shape, pixel_pitch=pixel_pitch),
         lattice=grid.lattice,
-        blur=None if in_views else np.concatenate([frame.blur for frame in frames]),
+        blur=None if frames[0].in_views else np.concatenate([frame.blur for frame in frames]),
     )
-
-
-def _corners_or_error(
-    raw: Any, grid: MicroImageGrid, board: Target, white: Any, in_views: bool | None = None
-) -> BoardCorners | InvalidValueError:
-    try:
-        return _find_corners(raw, grid, board, white, in_views)
-    except InvalidValueError as error:
-        return error
 
 
 def _corners_of(board: Target) -> tuple[int, int]:
@@ -302,7 +294,7 @@ def _candidates(patches: Patches) -> tuple[CornerFit, NDArray[np.int64]]:
     """Corners, whatever they belong to, and the micro image of each."""
     saddles = saddle_points(patches)
     size = np.maximum(_SEARCH * patches.radius[saddles.image], _MIN_WINDOW)
-    corners = fit_corners(patches.windows(saddles.image, saddles.pixel, size), saddles.pixel, saddles.angle, _BLUR)
+    corners = fit_corners(patches.windows(saddles.image, saddles.pixel, size), saddles.pixel, saddles.angle)
     good = _is_corner(patches, corners, saddles.image, saddles.pixel)
     return corners.rows(good), saddles.image[good]
 
@@ -316,15 +308,7 @@ def _is_corner(patches: Patches, corners: CornerFit, image: NDArray[np.int64], s
         pixel = np.rint(corners.pixel + np.outer(reach, direction)).astype(np.int64) - patches.corner[image]
         row, column = np.clip(pixel, 0, patches.light.shape[1] - 1).T
         inside.append(patches.weight[image, row, column] > 0)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(
-            np.all(inside, axis=0)
-            & (corners.standard_error.max(axis=1) < _MAX_ERROR)
-            & (np.hypot(*(corners.pixel - start).T) < _MOTION)
-            & (corners.contrast > _MIN_SIGNAL * corners.residual)
-            & (corners.contrast > _MIN_CONTRAST * bright)
-            & (np.abs(np.sin(corners.angle[:, 1] - corners.angle[:, 0])) > _MIN_SINE)
-        )
+    return np.asarray(np.all(inside, axis=0) & corners.is_clear(start, bright))
 
 
 def _fit_all(
@@ -351,9 +335,9 @@ def _fit_all(
     windows = patches.windows(image, start, size)
     if marks is not None:
         windows = without_marks(windows, start, w[point, None, None] * steps[point], index[point], marks)
-    corners = fit_corners(windows, start, angle[point], _BLUR)
+    corners = fit_corners(windows, start, angle[point])
     good = _is_corner(patches, corners, image, start)
-    good &= np.cos(corners.angle.sum(axis=1) - angle[point].sum(axis=1)) > 0.5
+    good &= corners.is_along(angle[point])
     good &= corners.sigma < _MAX_BLUR * spacing[point]
     if not good.any():
         raise InvalidValueError(
@@ -365,7 +349,7 @@ def _fit_all(
         displacement = cone_displacement(blur, border, w[point], kind, pitch)
         pixel, light, weight = (part[good] for part in windows)
         pixel = pixel + displacement[:, None, None] * patches.visible_centres(image, pixel)
-        corners = fit_corners(Windows(pixel, light, weight), corners.pixel, corners.angle, _BLUR)
+        corners = fit_corners(Windows(pixel, light, weight), corners.pixel, corners.angle)
         good = _is_corner(patches, corners, image, start)
         corners, image, point, start = corners.rows(good), image[good], point[good], start[good]
     good = np.zeros(len(point), dtype=bool)

@@ -21,13 +21,15 @@ from plenoptic.calibration.corners.corner_fit import CornerFit, Windows, fit_cor
 from plenoptic.calibration.corners.patches import Patches
 from plenoptic.calibration.corners.saddle_points import saddle_points
 from plenoptic.calibration.corners.virtual_points import VirtualPoints
+from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import rows_of
 
-_VIRTUAL_DEPTH = 2.5
-"""Size of the virtual depth, by the slopes of the light, below which corners are sought in views. Corners nearer to the
-array are in fewer than three micro images, blurred in most cameras by more than half of a micro image."""
+_FOCUSED, _VIRTUAL_DEPTH = 0.3, 2.5
+"""Least width of the border of micro images of focused cameras (2.0) over their pitch and the reciprocal virtual depth
+of the board: it is 1 where the board is in focus, and 0 in an unfocused camera (1.0). Without it, the virtual depth
+below which corners are in fewer than three micro images, blurred in most cameras by more than half of one."""
 _FULL = 0.9
 """Least light of pixels in views over the brightest of their micro image in the white image."""
 _WHOLE = 0.5
@@ -36,11 +38,6 @@ _CENTRE = 1.5
 """Radius in pixels of the part of micro images whose mean is the view in which corners are sought and numbered."""
 _WINDOW, _SPACING = (3.0, 8.0), 0.8
 """Least and largest radius of windows in microlenses, and radius over the distance of neighbouring corners."""
-_BLUR, _MOTION = 0.8, 1.5
-"""Blur with which the fit starts, and its largest step from there, in microlenses."""
-_MAX_ERROR, _MIN_SIGNAL, _MIN_CONTRAST, _MIN_SINE = 0.2, 1.5, 0.06, 0.4
-"""Of corners that count: largest standard error in microlenses, least half contrast over the residuals and over the
-bright light, and least sine of the angle between edges."""
 _NEAR, _OUTLIER = 0.1, 4.0
 """Largest distance of a corner from its place by all views in microlenses, beyond standard errors."""
 _REACHES = (0.4, 0.7, 1.0)
@@ -61,8 +58,20 @@ class ViewCorners(NamedTuple):
     """Standard deviation of the blur in pixels."""
 
 
-def has_low_depth(patches: Patches, basis: Floats) -> bool:
-    """True if the light varies less within micro images than from one to the next, as in an unfocused camera (1.0).
+def is_unfocused(grid: MicroImageGrid, slopes: Floats) -> bool:
+    """True if the border of micro images and `light_slopes` are those of an unfocused camera (1.0).
+
+    Borders are as wide as the opening of a microlens, out of focus: the pitch over the virtual depth in focus. That is
+    infinite in an unfocused camera, whatever the distance of the board.
+    """
+    within, between = slopes
+    if grid.border is None:
+        return bool(within < _VIRTUAL_DEPTH**2 * between)
+    return bool(np.max(grid.border) ** 2 * within < (_FOCUSED * grid.pitch) ** 2 * between)
+
+
+def light_slopes(patches: Patches, basis: Floats) -> Floats:
+    """Sums of squares of the slopes of the light within micro images and from one to the next.
 
     The virtual depth of light that depends on c + v q, with the centre c of a micro image and the offset q in it, is
     the ratio of its slopes by q and by c.
@@ -71,7 +80,7 @@ def has_low_depth(patches: Patches, basis: Floats) -> bool:
     count = lit.sum(axis=(1, 2))
     whole = count > _WHOLE * float(np.median(count))
     if not whole.any():
-        return False
+        return np.zeros(2)
     index, lit, light, count = patches.lattice_index[whole], lit[whole], patches.light[whole], count[whole]
     steps = np.arange(light.shape[1])
     mean = (light * lit).sum(axis=(1, 2)) / count
@@ -82,7 +91,7 @@ def has_low_depth(patches: Patches, basis: Floats) -> bool:
     row = rows_of(index, index[:, None] + np.eye(2, dtype=np.int64))
     inner = (row >= 0).all(axis=1)
     between = np.linalg.solve(basis, (mean[row[inner]] - mean[inner, None]).T)
-    return bool(np.sum(np.array(within)[:, inner] ** 2) < _VIRTUAL_DEPTH**2 * np.sum(between**2))
+    return np.array([np.sum(np.array(within)[:, inner] ** 2), np.sum(between**2)])
 
 
 def find_view_corners(patches: Patches, basis: Floats, shape: tuple[int, int]) -> ViewCorners:
@@ -92,7 +101,7 @@ def find_view_corners(patches: Patches, basis: Floats, shape: tuple[int, int]) -
     """
     views = _Views(patches._replace(weight=patches.weight * (patches.white > _FULL)), basis)
     points = _candidates(views)
-    numbers, plane = number_points(points, shape, patches, None)
+    numbers, plane = number_points(points, shape)
     index = np.stack(np.divmod(np.arange(shape[0] * shape[1]), shape[1]), axis=1)
     place, _ = plane.points(index)
     on_board = numbers[:, 0] >= 0
@@ -146,17 +155,8 @@ class _Views:
         self, place: Floats, angle: Floats, offset: NDArray[np.int64], disparity: Floats, radius: Floats
     ) -> tuple[CornerFit, NDArray[np.bool_]]:
         """Corners fitted in views from positions (n, 2) and normals' angles, and True for those that count."""
-        corners = fit_corners(self.windows(place, offset, disparity, radius), place, angle, _BLUR)
-        with np.errstate(invalid="ignore"):
-            good = (
-                (corners.standard_error.max(axis=1) < _MAX_ERROR)
-                & (np.hypot(*(corners.pixel - place).T) < _MOTION)
-                & (corners.contrast > _MIN_SIGNAL * corners.residual)
-                & (corners.contrast > _MIN_CONTRAST * self.bright)
-                & (np.abs(np.sin(corners.angle[:, 1] - corners.angle[:, 0])) > _MIN_SINE)
-                & (np.cos(corners.angle.sum(axis=1) - angle.sum(axis=1)) > 0.5)
-            )
-        return corners, np.asarray(good)
+        corners = fit_corners(self.windows(place, offset, disparity, radius), place, angle)
+        return corners, corners.is_clear(place, self.bright) & corners.is_along(angle)
 
 
 def _candidates(views: _Views) -> VirtualPoints:

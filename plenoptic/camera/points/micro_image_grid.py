@@ -63,7 +63,8 @@ class MicroImageGrid:
         Type of the micro image (k, l), at [k mod p, l mod q], from 0; as `MicrolensArray.type_pattern`.
     border : (t,) array_like, optional
         Width of the border over which the light of each type fades out, pixels: that of the opening of a microlens,
-        out of focus, the pitch times abs(1 - b / f).
+        out of focus, the pitch times abs(1 - b / f), and 0 in an unfocused camera (1.0). None where micro images touch
+        so closely that it does not show.
 
     Raises
     ------
