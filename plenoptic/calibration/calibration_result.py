@@ -169,7 +169,7 @@ class Calibration:
         for first in range(COUNT):
             group = np.flatnonzero(joined[first])
             if len(group) > 1 and group[0] == first:
-                strongest = np.abs(correlation[first, group[1:]]).max()
+                strongest = min(np.abs(correlation[first, group[1:]]).max(), 1.0)
                 names = " and ".join(P(k).name for k in group.tolist())
                 sentences.append(f"{names} move together: correlation {strongest:.4f}")
         return tuple(sentences)

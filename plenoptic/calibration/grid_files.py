@@ -18,7 +18,9 @@ from plenoptic.core.values import check_kind, checked_shape, file_path
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import Lattice
 
-_TYPES = 3
+_TYPES, _ALIKE_TYPE = 3, "alike"
+"""Types of the XML format, and an attribute of ours, which other programs ignore: the number of a type of the same
+lenses."""
 VIRTUAL_DEPTHS = 2.0, 20.0
 """Range of virtual depth of a microlens type, if the camera is not known."""
 _ALIKE, _SHEARED = 1e-3, 0.2
@@ -39,8 +41,8 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
     Returns
     -------
     MicroImageGrid
-        Of XML files hexagonal, with three types, of which some may be alike. Of grid models with one type; the micro
-        image (0, 0) is the first of the first row.
+        Of XML files hexagonal, with three types, or fewer if `write_grid` had fewer. Of grid models with one type; the
+        micro image (0, 0) is the first of the first row.
 
     Raises
     ------
@@ -73,7 +75,8 @@ def _rxlive_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
     root = ElementTree.fromstring(content)
     (x, y), along, across = (_pair(root, name) for name in ("offset", "lens_base_x", "lens_base_y"))
     diameter, rotation = (float(_text(root, name)) for name in ("diameter", "rotation"))
-    types = sorted(int(lens.attrib["id"]) for lens in root.iterfind("lens_type"))
+    lenses = [(int(lens.attrib["id"]), lens.attrib.get(_ALIKE_TYPE)) for lens in root.iterfind("lens_type")]
+    types = sorted(k for k, _ in lenses)
     if not (diameter > 0 and all(map(math.isfinite, (x, y, diameter, rotation, *along, *across)))):
         raise ValueError("its lenses have no size or no position")
     if types != list(range(_TYPES)):
@@ -81,12 +84,13 @@ def _rxlive_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
     # y goes up in the file, and rows down.
     turn = diameter * np.array([[-math.sin(rotation), math.cos(rotation)], [-math.cos(rotation), -math.sin(rotation)]])
     k, l = np.indices((_TYPES, _TYPES))
+    _, kinds = np.unique([k if alike is None else int(alike) for k, alike in sorted(lenses)], return_inverse=True)
     return MicroImageGrid(
         Lattice.HEXAGONAL,
         origin=(0.5 * (shape[0] - 1) - y, 0.5 * (shape[1] - 1) + x),
         basis=np.array([along, across]) @ turn,
         shape=shape,
-        type_pattern=(l - k) % _TYPES,
+        type_pattern=kinds[(l - k) % _TYPES],
     )
 
 
@@ -192,8 +196,10 @@ def rxlive_text(grid: MicroImageGrid, ranges: Sequence[tuple[float, float]] | No
     ]
     for k, (x, (kind,)) in enumerate(zip((0.0, 1.0, -1.0), types, strict=True)):
         nearest, farthest = VIRTUAL_DEPTHS if ranges is None else ranges[kind]
+        first = types.index([kind])
+        alike = f' {_ALIKE_TYPE}="{first}"' if first < k else ""
         lines += [
-            f'  <lens_type id="{k}">',
+            f'  <lens_type id="{k}"{alike}>',
             f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
             f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
             "  </lens_type>",

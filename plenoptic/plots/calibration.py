@@ -67,7 +67,7 @@ def plot_grid(grid: MicroImageGrid, white: Any = None, *, figure: Figure | None 
         offset = grid.centre - place
         times = draw_arrows(right, place[:, ::-1], offset[:, ::-1])
         rms = float(np.sqrt(np.mean(offset**2)))
-        right.set_title(f"centres minus lattice, RMS {rms:.3f} pixel\n{times:g} times as long", fontsize="medium")
+        right.set_title(f"centres minus lattice\nRMS {rms:.3f} pixel, {times:g} times as long", fontsize="medium")
     right.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
     return figure
 
@@ -94,7 +94,7 @@ def _draw_lattice(ax: Axes, grid: MicroImageGrid, white: Any) -> None:
         ax.plot(grid.centre[:, 1], grid.centre[:, 0], ".", color=COLOURS[1], markersize=3)
     ax.set(xlim=(middle[1] - reach, middle[1] + reach), ylim=(middle[0] + reach, middle[0] - reach), aspect="equal")
     ax.set(xlabel="column / pixel", ylabel="row / pixel")
-    ax.set_title(f"{grid.lattice.name.lower()}, pitch {grid.pitch:.5g} pixels, around the middle", fontsize="medium")
+    ax.set_title(f"{grid.lattice.name.lower()}, around the middle\npitch {grid.pitch:.5g} pixels", fontsize="medium")
 
 
 def _draw_pixels(ax: Axes, raw: Any) -> None:

@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import pytest
+from board_shots import DESIGN, PITCH, found, grid_of, raw_of, shot_of, tilted, white_of
 from calibration_helpers import true_values
 
 import plenoptic as pl
@@ -12,9 +13,7 @@ from plenoptic.errors import InvalidValueError
 
 KINDS = {"G1": (123.3, 1.7, (2.0,)), "G3": (123.3, 1.7, (1.6, 1.85, 2.2)), "K1": (156.0, 1.9, (1.7,))}
 """Distances from the iris to the array and from there to the sensor, focal lengths: Galilean and Keplerian."""
-DESIGN = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0)
 MARKED = pl.targets.marked_checkerboard(12, 9, square=3.0, margin=3.0)
-PITCH = 0.0135
 
 
 @functools.cache
@@ -26,35 +25,6 @@ def camera_of(kind, focal_lengths=None, shape=(260, 340), lattice=pl.Lattice.HEX
     return camera.moved(pl.CameraPart.MICROLENSES, shift=(0.05, -0.03, 0.0), tilt=(0.0, 0.0, 0.01))
 
 
-@functools.cache
-def white_of(camera):
-    return pl.render_white(camera, samples=64, progress=False)
-
-
-@functools.cache
-def shot_of(camera, *targets, samples=64):
-    meshes = [mesh for target in targets for mesh in target.meshes]
-    return pl.render(pl.Scene(meshes, background=1.0), camera, samples=samples, progress=False)
-
-
-def raw_of(shot, camera, electrons=3000.0, seed=1):
-    """Raw image in which white is this number of electrons."""
-    level = float(np.percentile(white_of(camera).image, 95))
-    sensor = pl.SensorModel(electrons / level, read_noise=4.0, gain=0.2, bits=14, full_well=60000.0, black_level=64)
-    return shot.develop(sensor, seed=seed)
-
-
-@functools.cache
-def grid_of(camera):
-    return pl.calibration.find_micro_images(raw_of(white_of(camera), camera, 20000.0))
-
-
-def found(camera, *targets, design=DESIGN, electrons=3000.0, seed=1, with_white=True, samples=64):
-    raw = raw_of(shot_of(camera, *targets, samples=samples), camera, electrons, seed)
-    white = raw_of(white_of(camera), camera, 20000.0) if with_white else None
-    return pl.calibration.find_corners(raw, grid_of(camera), design, white=white)
-
-
 def errors_of(corners, camera, board):
     """Distances (n, 2) from the nearest image of the same point of the board; also the images, and which are met."""
     truth = pl.package.calibration_points(camera, board)
@@ -63,10 +33,6 @@ def errors_of(corners, camera, board):
         rows = np.flatnonzero(truth.point == point)
         nearest.append(rows[np.hypot(*(truth.pixel[rows] - pixel).T).argmin()])
     return corners.pixel - truth.pixel[nearest], truth, np.unique(nearest)
-
-
-def tilted(axis=(1.0, 0.2, 0.0), angle=25.0, z=-430.0, turn=0.0, design=DESIGN, shift=(0.0, 0.0)):
-    return design.rotated_deg((0, 0, 1), turn).translated(*shift).rotated_deg(axis, angle).translated(z=z)
 
 
 def share_found(camera, truth, met):

@@ -24,7 +24,8 @@ def test_written_lattices_are_read_again(tmp_path):
     """Of hexagonal ones, by both formats; all micro images come back."""
     pattern = [[0, 1, 2], [2, 0, 1], [1, 2, 0]]
     cases = [("xml", HEXAGONAL, angle, {"type_pattern": pattern}) for angle in (0.5, 29.0, -77.0, 140.0)]
-    cases += [("json", HEXAGONAL, angle, {}) for angle in (0.5, 29.0, -77.0, 140.0)]
+    cases += [(ending, HEXAGONAL, angle, {}) for ending in ("json", "xml") for angle in (0.5, 29.0, -77.0, 140.0)]
+    cases += [("xml", HEXAGONAL, 29.0, {"type_pattern": np.minimum(pattern, 1)})]
     cases += [("json", SQUARE, 91.0, {}), ("json", RECTANGULAR, -3.0, {"pitches": (24.0, 18.0)})]
     for ending, lattice, degrees, more in cases:
         grid, path = a_grid(lattice, degrees, **more), tmp_path / f"grid.{ending}"
@@ -34,6 +35,7 @@ def test_written_lattices_are_read_again(tmp_path):
         first, second = (each.centres_of(each.on_sensor) for each in (grid, again))
         order = [np.lexsort(np.round(each, 6).T) for each in (first, second)]
         np.testing.assert_allclose(second[order[1]], first[order[0]], atol=1e-10)
+        assert again.type_pattern.max() == grid.type_pattern.max(), (ending, degrees)
         # Types get other numbers.
         kinds = [each.types_of(each.on_sensor)[k].tolist() for each, k in zip((grid, again), order, strict=True)]
         assert len(set(zip(*kinds, strict=True))) == int(grid.type_pattern.max()) + 1

@@ -3,16 +3,16 @@
 import dataclasses
 import functools
 
+import board_shots
 import numpy as np
 import pytest
+from board_shots import DESIGN, PITCH, found, grid_of, raw_of, shot_of, white_of
 from calibration_helpers import P, in_thin_axes, true_values
 
 import plenoptic as pl
 from plenoptic.calibration.fitting.geometry import project_views
 from plenoptic.errors import InvalidValueError
 
-DESIGN = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0)
-PITCH = 0.0135
 FOCUS = -478.0
 """The plane imaged onto the array."""
 
@@ -27,36 +27,7 @@ def camera_of(lattice=pl.Lattice.HEXAGONAL):
     return moved.moved(pl.CameraPart.SENSOR, shift=(0.02, -0.01, 0.0))
 
 
-@functools.cache
-def white_of(camera):
-    return pl.render_white(camera, samples=32, progress=False)
-
-
-@functools.cache
-def shot_of(camera, target):
-    return pl.render(pl.Scene([*target.meshes], background=1.0), camera, samples=64, progress=False)
-
-
-def raw_of(shot, camera, electrons=3000.0, seed=1):
-    level = float(np.percentile(white_of(camera).image, 95))
-    sensor = pl.SensorModel(electrons / level, read_noise=4.0, gain=0.2, bits=14, full_well=60000.0, black_level=64)
-    return shot.develop(sensor, seed=seed)
-
-
-@functools.cache
-def grid_of(camera):
-    return pl.calibration.find_micro_images(raw_of(white_of(camera), camera, 20000.0))
-
-
-def corners_of(camera, target, *, design=DESIGN, electrons=3000.0, seed=1, with_white=True):
-    raw = raw_of(shot_of(camera, target), camera, electrons, seed)
-    white = raw_of(white_of(camera), camera, 20000.0) if with_white else None
-    return pl.calibration.find_corners(raw, grid_of(camera), design, white=white)
-
-
-@functools.cache
-def tilted(axis=(1.0, 0.2, 0.0), angle=25.0, z=FOCUS, turn=0.0, design=DESIGN):
-    return design.rotated_deg((0, 0, 1), turn).rotated_deg(axis, angle).translated(z=z)
+tilted = functools.partial(board_shots.tilted, z=FOCUS)
 
 
 def projection_minus_corners(camera, corners, points):
@@ -73,7 +44,7 @@ def projection_minus_corners(camera, corners, points):
 @pytest.mark.parametrize("lattice", [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE])
 def test_corners_in_views_are_where_the_camera_projects_them(lattice):
     camera, board = camera_of(lattice), tilted()
-    corners = corners_of(camera, board)
+    corners = found(camera, board)
     assert corners.in_views and "in views" in repr(corners)
     error = projection_minus_corners(camera, corners, board.points[corners.point])
     # The renderer's own noise is 0.1 pixels, a hundredth of a pitch.
@@ -89,7 +60,7 @@ def test_errors_in_views_are_those_of_the_noise():
     camera, board = camera_of(), tilted()
     z = []
     for seed in range(3):
-        corners = corners_of(camera, board, electrons=80.0, seed=seed)
+        corners = found(camera, board, electrons=80.0, seed=seed)
         error = projection_minus_corners(camera, corners, board.points[corners.point])
         z.append(error / corners.standard_error)
     # Of some 2500 numbers; noise of the renderer at edges is a third of that of the sensor.
@@ -99,7 +70,7 @@ def test_errors_in_views_are_those_of_the_noise():
 def test_boards_are_numbered_in_views_without_a_white_image_and_after_half_a_turn():
     camera, board = camera_of(), tilted(turn=180.0)
     for with_white in (True, False):
-        corners = corners_of(camera, board, with_white=with_white)
+        corners = found(camera, board, with_white=with_white)
         error = projection_minus_corners(camera, corners, board.points[corners.point])
         # Without a white image pixels that the rim of the micro image cuts are taken as well.
         assert np.hypot(*error.T).max() < 2.0 and np.sqrt(np.mean(error**2)) < 0.25 and len(corners) > 12 * 35
@@ -108,7 +79,7 @@ def test_boards_are_numbered_in_views_without_a_white_image_and_after_half_a_tur
 def test_the_border_of_micro_images_tells_the_camera():
     """Virtual depths of 3 and -3, at which micro images show the board too; and 2.5 behind focused microlenses."""
     for z in (FOCUS + 72.0, FOCUS - 72.0):
-        assert corners_of(camera_of(), tilted(z=z)).in_views
+        assert found(camera_of(), tilted(z=z)).in_views
     lens = pl.load_lens("double-gauss-100mm-f2").with_model(pl.LensModel.THIN)
     camera = pl.design_camera(
         lens, sensor=pl.Sensor((300, 380), PITCH), z=-430.0, kind=pl.CameraKind.GALILEAN, pitch=0.217,
@@ -116,7 +87,7 @@ def test_the_border_of_micro_images_tells_the_camera():
     ).camera  # fmt: skip
     # Views of focused cameras show boards, too, displaced by some pixels.
     with pytest.raises(InvalidValueError, match="no board"):
-        corners_of(camera, tilted(z=-445.0))
+        found(camera, tilted(z=-445.0))
 
 
 def test_light_without_the_board_in_focus_is_refused():
@@ -127,7 +98,7 @@ def test_light_without_the_board_in_focus_is_refused():
         (tilted(), pl.targets.checkerboard(4, 3, square=3.0), "has 2 x 3"),
     ):
         with pytest.raises(InvalidValueError, match=reason):
-            corners_of(camera, target, design=design)
+            found(camera, target, design=design)
 
 
 @functools.cache
@@ -135,7 +106,7 @@ def observed(n=8):
     """Boards of which some are so far from the focus that light varies within micro images."""
     camera = camera_of()
     boards = [
-        tilted((np.cos(a), np.sin(a), 0.0), 30.0, -400.0 - 15.0 * k) for k, a in enumerate(np.arange(n) * 2.2 + 0.2)
+        tilted((np.cos(a), np.sin(a), 0.0), 30.0, z=-400.0 - 15.0 * k) for k, a in enumerate(np.arange(n) * 2.2 + 0.2)
     ]
     raws = [raw_of(shot_of(camera, board), camera, seed=k) for k, board in enumerate(boards)]
     white = raw_of(white_of(camera), camera, 20000.0)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import small_calibration
 from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
 import plenoptic as pl
@@ -28,12 +29,20 @@ def test_circles_and_arrows_are_those_of_the_lattice():
     assert len(index) > 40 and len(np.unique(circles.get_edgecolors(), axis=0)) == 3
     np.testing.assert_allclose(circles.get_widths(), 17.0)
     arrows = only(right, Quiver)
-    assert right.get_title().startswith("centres minus lattice, RMS 0.158 pixel")
+    assert right.get_title().startswith("centres minus lattice\nRMS 0.158 pixel")
     times = float(right.get_title().split()[-4])
     np.testing.assert_allclose(arrows.U, -0.2 * times)
     np.testing.assert_allclose(arrows.V, 0.1 * times)
     for ax in (left, right):
         assert ax.get_xlabel() == "column / pixel" and ax.get_ylim()[0] > ax.get_ylim()[1]
+
+
+def test_titles_of_a_lattice_fit_into_a_small_figure():
+    figure = Figure(figsize=(6.4, 3.2), dpi=30, layout="constrained")
+    pl.plots.plot_grid(small_calibration.grid(offset=(0.1, -0.2)), figure=figure)
+    figure.draw_without_rendering()
+    left, right = (ax.title.get_window_extent() for ax in figure.axes)
+    assert left.x0 > 0 and left.x1 < right.x0 and right.x1 < figure.bbox.x1
 
 
 def test_a_lattice_alone_is_drawn():

@@ -55,7 +55,7 @@ def marked_checkerboard(
     Raises
     ------
     InvalidValueError
-        Too few squares or too many, lengths that are not above 0 (the margin: 0 or more).
+        If a number or a length is beyond its limits, which `checkerboard` has too.
 
     Examples
     --------

@@ -1,0 +1,44 @@
+"""Raw images of boards as a sensor's noise leaves them, and corners found in them."""
+
+import functools
+
+import numpy as np
+
+import plenoptic as pl
+
+DESIGN = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0)
+PITCH = 0.0135
+
+
+@functools.cache
+def white_of(camera):
+    return pl.render_white(camera, samples=64, progress=False)
+
+
+@functools.cache
+def shot_of(camera, *targets, samples=64):
+    meshes = [mesh for target in targets for mesh in target.meshes]
+    return pl.render(pl.Scene(meshes, background=1.0), camera, samples=samples, progress=False)
+
+
+def raw_of(shot, camera, electrons=3000.0, seed=1):
+    """Raw image in which white is this number of electrons."""
+    level = float(np.percentile(white_of(camera).image, 95))
+    sensor = pl.SensorModel(electrons / level, read_noise=4.0, gain=0.2, bits=14, full_well=60000.0, black_level=64)
+    return shot.develop(sensor, seed=seed)
+
+
+@functools.cache
+def grid_of(camera):
+    return pl.calibration.find_micro_images(raw_of(white_of(camera), camera, 20000.0))
+
+
+def found(camera, *targets, design=DESIGN, electrons=3000.0, seed=1, with_white=True, samples=64):
+    raw = raw_of(shot_of(camera, *targets, samples=samples), camera, electrons, seed)
+    white = raw_of(white_of(camera), camera, 20000.0) if with_white else None
+    return pl.calibration.find_corners(raw, grid_of(camera), design, white=white)
+
+
+@functools.cache
+def tilted(axis=(1.0, 0.2, 0.0), angle=25.0, z=-430.0, turn=0.0, design=DESIGN, shift=(0.0, 0.0)):
+    return design.rotated_deg((0, 0, 1), turn).translated(*shift).rotated_deg(axis, angle).translated(z=z)
