@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ _SAME_LATTICE = 0.02
 distances from array to sensor and from lens to array."""
 _SAME_PLACE = 0.05
 """Largest displacement of the lattice in pitches, beyond that by the change of its pitch about any pixel."""
+_MEASURED = "pixel", "centre_pixel"
 
 
 class JointObservations(NamedTuple):
@@ -39,6 +41,12 @@ def join_settings(settings: tuple[Observations, ...]) -> JointObservations:
                     f"observations[{k}] has another {name} than observations[0]; all focus settings must be those of "
                     "one camera, with the same board"
                 )
+    for j, k in combinations(numbers.tolist(), 2):
+        if all(np.array_equal(getattr(settings[j], name), getattr(settings[k], name)) for name in _MEASURED):
+            raise InvalidValueError(
+                f"observations[{k}] are the same as observations[{j}], which doubles their weight; give those of each "
+                "focus setting once"
+            )
     steps = [_renumbering(first, each, k) for k, each in enumerate(settings)]
     starts = np.cumsum([0, *(len(each.frames) for each in settings)])
     with_corners = [each for each in settings if len(each.pixel)]

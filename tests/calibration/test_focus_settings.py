@@ -267,6 +267,10 @@ def test_settings_that_are_not_of_one_camera_are_refused():
     line = {name: getattr(second, name)[~rows] for name in ("index", "pixel", "frame", "point")}
     refused(r"observations\[1\]: frame 1 shows 3 points", usual, dataclasses.replace(second, **line))
     refused("observations is empty")
+    refused(r"observations\[2\] are the same as observations\[0\]", usual, second, usual)
+    whites = [{name: getattr(each, name) for name in ("centre_index", "centre_pixel")} for each in (second, usual)]
+    exchanged = [dataclasses.replace(each, **white) for each, white in zip((usual, second), whites, strict=True)]
+    refused(r"white images of observations\[0\] and observations\[1\] are exchanged", *exchanged)
     refused("observations is a str", usual, "raw.png")
 
 

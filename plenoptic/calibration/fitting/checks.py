@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter, Poses
-from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, problem_of
+from plenoptic.calibration.fitting.settings import distance_columns
+from plenoptic.calibration.fitting.solve import Evaluation, Problem, State, centres_of, problem_of
 from plenoptic.calibration.fitting.start_values import FARTHEST, MIN_LENSES, NEAREST, image_lattice, setting_part
 from plenoptic.calibration.observations import Observations
 from plenoptic.core.values import Floats
@@ -32,6 +34,8 @@ _MAX_RELATIVE_ERROR, _BY_CHANCE = 0.1, 2.0
 _LATTICE_RATIO, _MAX_DEVIATION = 3.0, 0.02
 """Largest root mean square of the centres' residuals, as a ratio to their deviation from a lattice of their own, and
 beyond it in pitches."""
+_EXCHANGED = 0.8
+"""Centres' residuals with the distances of two settings exchanged, over those without, below which they are."""
 
 
 def check_settings(settings: tuple[Observations, ...], basis: Floats, free: NDArray[np.bool_]) -> None:
@@ -131,6 +135,21 @@ def check_arrays(problem: Problem, state: State, at: Evaluation) -> None:
                 f"no distance from lens to array explains observations[{k}] with the camera of observations[0]: at "
                 f"{array:.4g} mm centres of micro images deviate by {rms:.3f} pixels, and by {lattice.residual:.3f} "
                 "pixels from a lattice of their own; they are of another camera, or its array or sensor was moved"
+            )
+    columns = distance_columns(len(state.parameters))
+    for i, j in combinations(range(len(columns)), 2):
+        exchanged = state.parameters.copy()
+        exchanged[columns[[i, j]]] = exchanged[columns[[j, i]]]
+        rows = np.isin(problem.centre_setting, (i, j))
+        rms, other = (
+            float(np.sqrt(np.mean((centres_of(problem, each)[0] - problem.centre_pixel)[rows] ** 2)))
+            for each in (state.parameters, exchanged)
+        )
+        if other < _EXCHANGED * rms:
+            raise InvalidValueError(
+                f"the white images of observations[{i}] and observations[{j}] are exchanged: with the distances from "
+                f"lens to array that the boards ask for, centres of micro images deviate by {rms:.3f} pixels, and by "
+                f"{other:.3f} if they are of the other focus setting"
             )
 
 
