@@ -84,7 +84,7 @@ def _rxlive_grid(content: bytes, shape: tuple[int, int]) -> MicroImageGrid:
     # y goes up in the file, and rows down.
     turn = diameter * np.array([[-math.sin(rotation), math.cos(rotation)], [-math.cos(rotation), -math.sin(rotation)]])
     k, l = np.indices((_TYPES, _TYPES))
-    _, kinds = np.unique([k if alike is None else int(alike) for k, alike in sorted(lenses)], return_inverse=True)
+    _, kinds = np.unique([k if first is None else int(first) for k, first in sorted(lenses)], return_inverse=True)
     return MicroImageGrid(
         Lattice.HEXAGONAL,
         origin=(0.5 * (shape[0] - 1) - y, 0.5 * (shape[1] - 1) + x),
@@ -197,9 +197,9 @@ def rxlive_text(grid: MicroImageGrid, ranges: Sequence[tuple[float, float]] | No
     for k, (x, (kind,)) in enumerate(zip((0.0, 1.0, -1.0), types, strict=True)):
         nearest, farthest = VIRTUAL_DEPTHS if ranges is None else ranges[kind]
         first = types.index([kind])
-        alike = f' {_ALIKE_TYPE}="{first}"' if first < k else ""
+        attribute = f' {_ALIKE_TYPE}="{first}"' if first < k else ""
         lines += [
-            f'  <lens_type id="{k}"{alike}>',
+            f'  <lens_type id="{k}"{attribute}>',
             f'    <offset units="lens"><x>{x}</x><y>0.0</y></offset>',
             f'    <depth_range units="virtual_depth"><min>{nearest!r}</min><max>{farthest!r}</max></depth_range>',
             "  </lens_type>",

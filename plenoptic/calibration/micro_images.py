@@ -15,7 +15,7 @@ from plenoptic.calibration.lattice_search import NO_LATTICE, lattice_of, lattice
 from plenoptic.calibration.micro_image_types import disc_borders, neighbour_differences, type_pattern
 from plenoptic.calibration.white_image import WhitePlane, white_plane
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
-from plenoptic.camera.points.window_moments import WindowMoments
+from plenoptic.camera.points.window_moments import WindowMoments, window_moments
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.readout.raw import RawImage
@@ -43,6 +43,9 @@ _SCENE_LIGHT, _SCENE_SHIFT = 0.12, 0.04
 """Scatter of neighbours' light, and of their distances in pitches, from which on an image shows a scene."""
 _SCENE_CONTRAST = 0.2
 """Contrast within micro images from which on it does; boards have 0.5, white images with wide borders 0.1."""
+_MIDDLE, _MIN_TILT = 0.4, 0.008
+"""Standard deviation of the weights with which the tilt of the light in micro images is measured, over their radius,
+and the scatter of the centroid that pixels alone cause."""
 _DEGREES, _GAIN = (1, 2, 3, 4, 5, 6), 0.02
 """Degrees of the deviation, and the least relative decrease of the residuals for which a higher one is taken."""
 _PASSES, _REWEIGHTINGS, _HUBER = 4, 6, 1.5
@@ -80,6 +83,8 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
     A centre is that of `microlens_centres(camera, CentreMethod.CENTROID)`: the centroid of the light, which is not that
     of the outline where vignetting or fall-off is uneven. Standard errors are those of the noise in the image; where
     micro images touch, neighbours of defects are left out, and errors contain a share of the scatter of the centres.
+    If light within micro images is tilted unlike that of their neighbours, as by the texture of a wall, errors contain
+    the displacements that it causes.
     Where they overlap by a tenth and more, what they share may be taken for micro images, and is not always refused.
     Which microlens is (0, 0) is arbitrary: one near the centre of the image.
 
@@ -136,7 +141,9 @@ def find_micro_images(white: ArrayLike | Exposure | RawImage) -> MicroImageGrid:
         lattice=lattice_of(grid.basis)[0],
         index=index,
         centre=centre,
-        standard_error=np.hypot(error, _SHARED * gain * scatter),
+        standard_error=np.hypot(
+            error, math.hypot(_SHARED * gain * scatter, _texture_shift(plane, index, centre, radius))
+        ),
         radius=radius,
     )
     half_light, border = disc_borders(plane.light, grid).T
@@ -163,6 +170,22 @@ def _contrasts(plane: WhitePlane, centre: Floats, radius: float) -> Floats:
     mean = np.mean(values, axis=1, where=inside)
     excess = np.var(values, axis=1, where=inside) - np.mean(noise, axis=1, where=inside)
     return np.asarray(np.sqrt(np.maximum(excess, 0.0)) / mean)
+
+
+def _texture_shift(plane: WhitePlane, index: NDArray[np.int64], centre: Floats, radius: Floats) -> float:
+    """Scatter of centroids by the texture of a surface, which tilts the light of micro images unlike their neighbours'.
+
+    Light with the relative slope g moves the centroid of a disc by g r^2 / 4, and one with normal weights by g s^2.
+    """
+    r = float(np.median(radius))
+    s = _MIDDLE * r
+
+    def weights(_: slice, offset: Floats) -> Floats:
+        return np.asarray(np.exp(-0.5 * (offset**2).sum(axis=-1) / s**2))
+
+    moments = window_moments(plane.light, centre, math.ceil(r), weights, plane.variance)
+    tilt = _scatter(neighbour_differences(index, moments.centroid - centre))
+    return math.sqrt(max(tilt**2 - float(np.median(moments.error**2)) - _MIN_TILT**2, 0.0)) * r**2 / (4.0 * s**2)
 
 
 def _first_centre(plane: WhitePlane, basis: Floats, cell: Cell) -> Floats:

@@ -79,6 +79,19 @@ def test_standard_errors_are_those_of_the_noise():
         assert np.median(grid.standard_error) == pytest.approx(4.3 / math.sqrt(electrons * math.pi * 8.6**2), rel=0.2)
 
 
+def test_standard_errors_hold_the_displacements_by_texture():
+    image, centres = drawn(LATTICES["along rows"][1], electrons=20000.0, bits=16, shape=(400, 500))
+    texture = np.kron(1.0 + 0.06 * np.random.default_rng(2).standard_normal((67, 84)), np.ones((6, 6)))[:400, :500]
+    # Squares of 6 pixels, some 6 in a disc, 0.06 times half the radius over their root along an axis.
+    plain, textured = find(image), find(image * texture)
+    assert np.median(plain.standard_error) < 0.003
+    error = errors_of(textured, centres)
+    assert (
+        0.06 < np.sqrt(np.mean(error**2)) < 0.12
+        and 0.7 < np.sqrt(np.mean((error / textured.standard_error) ** 2)) < 1.4
+    )
+
+
 def test_colour_filters_bits_and_float_arrays_do_not_matter():
     image, centres = drawn(LATTICES["along rows"][1], bits=16)
     filtered = image - 0.02 * 2**16

@@ -15,7 +15,7 @@ from plenoptic.calibration.corners.board_plane import BoardPlane
 from plenoptic.calibration.corners.corner_fit import CornerFit, Windows, fit_corners
 from plenoptic.calibration.corners.patches import UNVIGNETTED, Patches, patches_of
 from plenoptic.calibration.corners.saddle_points import saddle_points
-from plenoptic.calibration.corners.view_corners import find_view_corners, is_unfocused, light_slopes
+from plenoptic.calibration.corners.view_corners import find_view_corners, is_plenoptic_1, light_slopes
 from plenoptic.calibration.corners.vignetting import cone_displacement
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
@@ -176,7 +176,7 @@ def _find_frames(
         slopes += light_slopes(patches_of(raw, white, grid)[1], grid.basis)
     # Squares may be too small for views.
     results = []
-    for in_views in (True, False) if is_unfocused(grid, slopes) else (False,):
+    for in_views in (True, False) if is_plenoptic_1(grid, slopes) else (False,):
         frames: list[BoardCorners] = []
         errors: dict[int, InvalidValueError] = {}
         for number, raw in enumerate(raws):

@@ -58,7 +58,7 @@ class ViewCorners(NamedTuple):
     """Standard deviation of the blur in pixels."""
 
 
-def is_unfocused(grid: MicroImageGrid, slopes: Floats) -> bool:
+def is_plenoptic_1(grid: MicroImageGrid, slopes: Floats) -> bool:
     """True if the border of micro images and `light_slopes` are those of an unfocused camera (1.0).
 
     Borders are as wide as the opening of a microlens, out of focus: the pitch over the virtual depth in focus. That is
