@@ -65,7 +65,7 @@ def white_plane(white: Any) -> WhitePlane:
     plane -= np.percentile(mean_filter(plane), _DARK) if black is None else black
     is_mosaic = image.ndim == 2 and not isinstance(white, Exposure) and equalise(plane)
     if variance is None:
-        variance = _noise(plane, (1, 2) if is_mosaic else (1,))
+        variance = noise_variance(plane, is_mosaic)
         noise, bright = float(np.sqrt(variance.min())), float(np.percentile(plane, _BRIGHT))
         if not bright > _MIN_SIGNAL * noise or (image.dtype.kind in "iu" and bright < _MIN_SIGNAL):
             raise InvalidValueError(
@@ -105,13 +105,13 @@ def equalise(plane: Floats) -> bool:
     return True
 
 
-def _noise(plane: Floats, steps: tuple[int, ...]) -> Floats:
+def noise_variance(plane: Floats, is_mosaic: bool) -> Floats:
     """Variance of the noise of each pixel, linear in its light, from second differences in both directions.
 
     After J. Immerkaer, Computer Vision and Image Understanding 64(2), 1996, doi:10.1006/cviu.1996.0060, at the levels
     of light where they are least: at the others they contain the rims of micro images.
     """
-    line = min((_noise_line(plane, step) for step in steps), key=sum)
+    line = min((_noise_line(plane, step) for step in ((1, 2) if is_mosaic else (1,))), key=sum)
     return np.asarray(line[0] + line[1] * np.maximum(plane, 0.0) / max(float(np.percentile(plane, _BRIGHT)), 1e-300))
 
 

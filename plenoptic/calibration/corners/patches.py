@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from plenoptic.calibration.corners.corner_fit import Windows
 from plenoptic.calibration.corners.vignetting import border_blur, visible_centre
-from plenoptic.calibration.white_image import equalise, mean_filter
+from plenoptic.calibration.white_image import equalise, mean_filter, noise_variance
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 from plenoptic.core.values import Floats, plain_array
 from plenoptic.errors import InvalidValueError
@@ -24,6 +25,9 @@ _RIM = 1.3
 """Largest distance from the centre at which the border of a micro image is looked for, over its radius."""
 _BRIGHT = 0.98
 """Quantile of the light in the window around a micro image that counts as its brightest."""
+_NOISE, _CENTRE = 1.25, 512
+"""Standard deviations of the noise of means by which it raises that quantile, and rows and columns of the central part
+of the white image that tell the noise."""
 _PAIRS = 1 << 20
 """Pairs of micro images and points that are compared together."""
 
@@ -106,13 +110,16 @@ def _light(image: Any, name: str, shape: tuple[int, int]) -> Floats:
 def patches_of(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Patches]:
     """Micro images with their lit pixels, and with those that are not vignetted."""
     light = _light(raw, "raw", grid.shape)
-    gain = np.ones(grid.shape)
+    gain, noise = np.ones(grid.shape), 0.0
     if white is None:
         equalise(light)
     else:
         gain = _light(white, "white", grid.shape)
         light = light / np.maximum(gain, 1e-3 * np.percentile(gain, 99))
-        equalise(gain)
+        is_mosaic = equalise(gain)
+        first = [max(0, (size - _CENTRE) // 2) for size in grid.shape]
+        centre_part = gain[first[0] : first[0] + _CENTRE, first[1] : first[1] + _CENTRE]
+        noise = math.sqrt(float(noise_variance(centre_part, is_mosaic).max())) / 3.0
     index = grid.on_sensor
     (kind, radius), centre = _kinds(grid, index), grid.centres_of(index)
     reach = int(np.ceil(radius.max() + 1.0))
@@ -123,7 +130,8 @@ def patches_of(raw: Any, white: Any, grid: MicroImageGrid) -> tuple[Patches, Pat
     on_sensor = ((row >= 0) & (row < grid.shape[0]))[:, :, None] & ((column >= 0) & (column < grid.shape[1]))[:, None]
     weight = gain[at] * on_sensor
     smooth = mean_filter(np.pad(gain, 1, mode="edge"))[at]
-    bright = np.maximum(np.quantile(smooth.reshape(len(smooth), -1), _BRIGHT, axis=1), 1e-300)[:, None, None]
+    bright = np.quantile(smooth.reshape(len(smooth), -1), _BRIGHT, axis=1) - _NOISE * noise
+    bright = np.maximum(bright, 1e-300)[:, None, None]
     lit, unvignetted = (
         weight * ((smooth > least * bright) & (distance < (part if white is None else 1.1) * radius[:, None, None]))
         for least, part in (_LIT, UNVIGNETTED)
