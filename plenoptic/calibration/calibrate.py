@@ -15,6 +15,7 @@ from plenoptic.calibration.fitting.checks import (
     check_poses,
     check_residuals,
     check_settings,
+    check_units,
 )
 from plenoptic.calibration.fitting.covariance import clustered_covariance, pupil_sensitivity
 from plenoptic.calibration.fitting.geometry import COUNT, Parameter, lenslets, sensor_rays
@@ -170,6 +171,7 @@ def calibrate(
     joint, setting, centre_setting = join_settings(settings)
     free = np.append(free, np.ones(len(settings) - 1, dtype=bool))
     problem = problem_of(joint, basis, free)._replace(setting=setting, centre_setting=centre_setting)
+    check_units(problem, nominal.focal_length)
     state = start_state(problem, nominal.focal_length, distances)
     state.parameters[P.EXIT_PUPIL] = prior[P.EXIT_PUPIL, 0]
     problem = problem._replace(prior=np.pad(prior, ((0, len(free) - COUNT), (0, 0))))
@@ -187,7 +189,8 @@ def calibrate(
     if lens is None:
         _, tests = _extend("radial distortion", best, _with(best.problem, P.DISTORTION), tests)
     layout = _layout(joint, nominal.f_number, lens, best)
-    return _result(settings, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]), nominal.focal_length)
+    focal_lengths = nominal.focal_length, float(state.parameters[P.FOCAL_LENGTH])
+    return _result(settings, layout, best, tuple(tests), float(prior[P.EXIT_PUPIL, 1]), focal_lengths)
 
 
 def _nominal(start: NominalCamera | PlenopticCamera) -> tuple[NominalCamera, tuple[float, float] | None]:
@@ -274,7 +277,7 @@ def _rms(halves: tuple[HalfFit, HalfFit]) -> tuple[float, float]:
 
 def _result(
     settings: tuple[Observations, ...], layout: FixedParts, best: _ModelFit, tests: tuple[HeldOut, ...],
-    pupil_precision: float, nominal: float,
+    pupil_precision: float, focal_lengths: tuple[float, float],
 ) -> Calibration:  # fmt: skip
     problem, state, at = best.problem, best.state, best.at
     if problem.main_lens is not None:
@@ -288,7 +291,8 @@ def _result(
         change[problem.free] = pupil_sensitivity(problem, state, at)[:n_free]
         change[P.EXIT_PUPIL] = 1.0
         change /= np.sqrt(pupil_precision)
-    check_focal_length(state.parameters, np.sqrt(np.diag(covariance)), nominal)
+    lens = "" if layout.lens is None else layout.lens.name
+    check_focal_length(state.parameters, np.sqrt(np.diag(covariance)), *focal_lengths, lens)
     errors = np.zeros(problem.board.shape)
     if problem.board_sigma > 0:
         errors = np.sqrt(np.diag(spread.covariance))[-errors.size :].reshape(errors.shape)

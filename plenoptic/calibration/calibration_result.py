@@ -50,8 +50,10 @@ class HeldOut:
 
     def __repr__(self) -> str:
         pairs = ", ".join(f"{a:.3f} -> {b:.3f}" for a, b in zip(self.without, self.with_term, strict=True))
-        verdict = "accepted" if self.accepted else "left out"
-        return f"{self.name} {verdict}: corners of frames left out {pairs} px ({self.significance:.1f} standard errors)"
+        verdict = "accepted" if self.accepted else "not needed"
+        return (
+            f"{self.name} {verdict}: corners of frames not fitted {pairs} px ({self.significance:.1f} standard errors)"
+        )
 
 
 @result
@@ -147,6 +149,8 @@ class Calibration:
 
     def points(self, frame: int) -> Floats:
         """Points (p, 3) of the fitted board in the camera's frame, in mm: in the f-th frame in ascending order."""
+        if not len(self.turn):
+            raise InvalidValueError(f"focus setting {self.setting} has a white image alone, and no board")
         k = whole(frame, "frame", at_least=0, at_most=len(self.turn) - 1)
         return np.asarray(self.board @ self.turn[k].T + self.shift[k])
 
@@ -217,21 +221,22 @@ class Calibration:
             draws += normal[:, -1:] * self.model_change
         return tuple(twin_camera(self.values + draw, self.layout) for draw in draws)
 
+    @property
+    def _residuals(self) -> str:
+        return f"corners {self.corner_rms:.3f} px, centres {self.centre_rms:.3f} px, {len(self.turn)} frames"
+
     _repr_html_ = picture_of
 
     def __repr__(self) -> str:
-        lines = [f"corners {self.corner_rms:.3f} px, centres {self.centre_rms:.3f} px, {len(self.turn)} frames"]
+        lines = [self._residuals]
         for p in self.fitted:
             low, high = self.interval(p)
             name = f"{p.name.lower()}{', ' if p.unit else ''}{p.unit}"
             lines.append(f"{name:<22}{self[p]:>12.6g} +- {self.standard_error(p):<9.2g}95 %: {low:.6g} to {high:.6g}")
         for each in self.further:
             p = Parameter.LENS_TO_ARRAY
-            name, values = (
-                f"{p.name.lower()}[{each.setting}], mm",
-                f"{each[p]:>12.6g} +- {each.standard_error(p):<9.2g}",
-            )
-            lines.append(f"{name:<22}{values}corners {each.corner_rms:.3f} px, centres {each.centre_rms:.3f} px")
+            name = f"{p.name.lower()}[{each.setting}], mm"
+            lines.append(f"{name:<22}{each[p]:>12.6g} +- {each.standard_error(p):<9.2g}{each._residuals}")
         lines += [repr(each) for each in self.held_out]
         lines += self.valleys
         return "\n".join(lines)

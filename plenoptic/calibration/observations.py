@@ -89,7 +89,7 @@ class Observations:
         for name, shape in shapes.items():
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=shape, dtype=np.int64))
         if self.blur is not None:
-            set_field(self, "blur", positions(self.blur, name="blur", shape=(n,)))
+            set_field(self, "blur", positions(self.blur, name="blur", shape=(n,)) if n else None)
         if n and not 0 <= self.point.min() <= self.point.max() < len(self.board):
             raise InvalidValueError(
                 f"point holds numbers from {self.point.min()} to {self.point.max()}; the board has {len(self.board)} "

@@ -95,7 +95,7 @@ def camera_and_white(
         return CameraAndWhite(camera_of(shot, camera), white)
     even = _even_white(grid)
     chosen = even if isinstance(white, MicroImageGrid) else white
-    check_has(chosen, "white", "Exposure", "raw.demosaic() of a raw white image", "white", "image", "region")
+    check_has(chosen, "white", "Exposure", "pl.render_white(camera)", "white", "image", "region")
     for image, name in ((shot, "shot"), (chosen, "white image")):
         shape, region = image.image.shape[:2], image.region
         if shape != grid.shape if region is None else region[1] > grid.shape[0] or region[3] > grid.shape[1]:

@@ -143,7 +143,8 @@ def plot_corners(
     frames = getattr(corners, "frame", np.zeros(len(corners.point), np.int64))
     chosen = np.ones(len(frames), dtype=bool) if frame is None else frames == frame
     if frame is not None and not chosen.any():
-        raise InvalidValueError(f"frame is {frame}; there are corners of {np.unique(frames).tolist()}")
+        numbers = f"{np.unique(frames).tolist()}" if len(frames) else "no frame: they are a white image alone"
+        raise InvalidValueError(f"frame is {frame}; there are corners of {numbers}")
     ax = axes_or_new(ax, (6.4, 5.0))
     if raw is not None:
         _draw_pixels(ax, raw)
@@ -196,7 +197,12 @@ def plot_residuals(calibration: Calibration, observations: Observations, *, figu
         ("centres", observations.centre_pixel, calibration.centre_residual),
     )
     if any(place.shape != residual.shape for _, place, residual in pairs):
-        raise InvalidValueError("the observations are not those of the calibration; give the ones it was made from")
+        sizes = [(len(observations.pixel), len(observations.centre_pixel))]
+        sizes += [(len(each.corner_residual), len(each.centre_residual)) for each in calibration.settings]
+        setting = f"; those of its settings[{sizes.index(sizes[0], 1) - 1}]" if sizes[0] in sizes[1:] else ""
+        raise InvalidValueError(
+            f"the observations are not those of the calibration{setting}; give the ones it was made from"
+        )
     figure = figure_or_new(figure, (13.0, 4.0))
     *maps, histogram = figure.subplots(1, 3)
     height, width = observations.sensor.shape

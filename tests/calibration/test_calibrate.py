@@ -182,7 +182,7 @@ def test_what_is_said_of_the_calibration():
     assert errors["as many, tilted 20 degrees more"][0] < errors["as many frames again"][0]
     names = ("nearer", "a second focus", "another f-number", "on a stage", "board measured", "tilted")
     assert all(name in calibration.advice for name in names)
-    assert "focal_length, mm" in repr(calibration) and "free board left out" in repr(calibration)
+    assert "focal_length, mm" in repr(calibration) and "free board not needed" in repr(calibration)
     assert pickle.loads(pickle.dumps(calibration)) == calibration
     for level in (0.0, 1.0, "much"):
         with pytest.raises(pl.errors.InvalidValueError, match="level"):
@@ -253,6 +253,14 @@ def test_observations_that_give_no_camera_are_refused():
     )
     for factor in (2.0, 0.5):
         refused(dataclasses.replace(usual, board=factor * usual.board), "check the board's points", board=0.0)
+    for factor in (1e-3, 1e3):
+        refused(dataclasses.replace(usual, board=factor * usual.board), "give squares and pixel pitch in mm")
+        sensor = pl.Sensor(usual.sensor.shape, factor * usual.sensor.pixel_pitch)
+        refused(dataclasses.replace(usual, sensor=sensor), "give the pixel pitch .0.0055")
+    longer = {"board": usual.board * [1.02, 1.0, 1.0]}
+    refused(dataclasses.replace(usual, **longer), "one that is 1 % longer along one side", board=0.0)
+    lens = pl.load_lens("double-gauss-105mm-f1.4")
+    refused(observed(n=4), "lens 'double-gauss-105mm-f1.4' is not that of", board=0.0, lens=lens)
     refused(
         dataclasses.replace(usual, centre_index=usual.centre_index[:5], centre_pixel=usual.centre_pixel[:5]), "hold 5"
     )

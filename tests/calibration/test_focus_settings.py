@@ -109,7 +109,14 @@ def test_exact_observations_give_all_distances_back(turn):
         np.testing.assert_allclose(calibration.values, expected, rtol=1e-5, atol=1e-6)
     assert [len(each.turn) for each in calibrations] == [4, 1, 0]
     assert [len(each.corner_residual) for each in calibrations[1:]] == [len(exact[1].pixel), 0]
-    assert calibrations[2].corner_rms == 0.0 and "0 frames" in repr(calibrations[2])
+    assert calibrations[2].corner_rms == 0.0 and repr(calibrations[0]).count(" 1 frames") == 1
+    assert repr(calibrations[0]).count(" 0 frames") == repr(calibrations[2]).count(" 0 frames") == 1
+    with pytest.raises(pl.errors.InvalidValueError, match="setting 2 has a white image alone"):
+        calibrations[2].points(0)
+    with pytest.raises(pl.errors.InvalidValueError, match="no frame: they are a white image alone"):
+        pl.plots.plot_corners(white_only(exact[2]), frame=0)
+    with pytest.raises(pl.errors.InvalidValueError, match=r"those of its settings\[1\]"):
+        pl.plots.plot_residuals(calibrations[0], renumbered(exact[1], turn, (3, -2)))
     figure = pl.plots.plot_residuals(calibrations[2], white_only(exact[2]))
     assert [ax.axison for ax in figure.axes] == [False, True, True]
     plt.close(figure)

@@ -155,7 +155,11 @@ def test_grids_of_other_cameras_are_refused():
     for call, reason in (
         (lambda: depth(pl.Exposure(shot.image[:200]), grid), "256 x 256 pixels, and the shot is 200 x 256"),
         (lambda: decode(shot, pl.Exposure(white.image[:200], white=True), camera=grid), "the white image is 200 x 256"),
-        (lambda: decode(shot, white.develop(pl.SensorModel(1e4)), camera=grid), "white is a RawImage.*demosaic"),
+        (
+            lambda: decode(shot, white.develop(pl.SensorModel(1e4)), camera=grid),
+            r"white is a RawImage.* white.demosaic\(\)",
+        ),
+        (lambda: depth(shot.image, grid), r"image is an ndarray.* pl.Exposure\(image\)"),
         (lambda: depth(shot, grid, camera=camera), "leave camera= out"),
         (lambda: depth(shot, grid, virtual_depth_range=(0.0, 3.0)), "virtual depths from 1"),
     ):

@@ -23,6 +23,9 @@ _LATTICE_RESIDUAL = 0.05
 """Largest root mean square deviation of centres from a lattice, in pitches."""
 _REACH, _MAX_OUTSIDE = 0.75, 0.05
 """Distance of a corner from the centre of its micro image in pitches, and fraction of the corners beyond it."""
+_FIELDS, _MAGNIFICATIONS = (0.002, 5.0), (0.002, 5.0)
+"""Size of the white image over the focal length, and of the boards' images over the boards, of any camera: a factor of
+1000 between units leads beyond them. Start values have magnifications of 0.01 to 1."""
 _MIN_TILT = math.radians(3.0)
 _FOCAL_LENGTH_RATIO = 1.08
 """Largest ratio of the fitted and the nominal focal length: a board twice as large as stated fits as well, with a focal
@@ -95,6 +98,23 @@ def _check_observations(observations: Observations, problem: Problem, min_frames
         )
 
 
+def check_units(problem: Problem, focal_length: float) -> None:
+    """Raise an InvalidValueError if pixel pitch, board and nominal focal length cannot be in one unit."""
+    size = problem.pixel_pitch * float(np.hypot(*np.ptp(problem.centre_pixel, axis=0)))
+    if not _FIELDS[0] < size / focal_length < _FIELDS[1]:
+        raise InvalidValueError(
+            f"the white image is {size:.3g} mm across by a pixel pitch of {problem.pixel_pitch:g} mm, behind a lens of "
+            f"{focal_length:g} mm: give the pixel pitch (0.0055 for 5.5 micrometres) and the focal length in mm"
+        )
+    first = problem.frame == 0
+    board, image = problem.board[problem.point[first], :2].std(), problem.pixel_pitch * problem.pixel[first].std()
+    if not _MAGNIFICATIONS[0] * board < image < _MAGNIFICATIONS[1] * board:
+        raise InvalidValueError(
+            f"the boards' images are {image / board:.2g} times as large as the boards, whose points are up to "
+            f"{np.hypot(*np.ptp(problem.board, axis=0)[:2]):.2g} mm apart: give squares and pixel pitch in mm"
+        )
+
+
 def check_poses(poses: Poses) -> None:
     """Raise an InvalidValueError if boards show their backs, or all are parallel."""
     normals = poses.turn[:, :, 2]
@@ -153,13 +173,23 @@ def check_arrays(problem: Problem, state: State, at: Evaluation) -> None:
             )
 
 
-def check_focal_length(parameters: Floats, errors: Floats, nominal: float) -> None:
-    """Raise an InvalidValueError if the boards leave the focal length open, or if it is far from the nominal one."""
+def check_focal_length(parameters: Floats, errors: Floats, nominal: float, thin: float, lens: str) -> None:
+    """Raise an InvalidValueError if the boards leave the focal length open, or if it is far from the nominal one.
+
+    If a thin lens has a focal length near the nominal one, the prescription, if it is named, is that of another lens.
+    """
     focal_length, error = (float(each[Parameter.FOCAL_LENGTH]) for each in (parameters, errors))
-    ratio = focal_length / nominal
-    is_far = not 1.0 / _FOCAL_LENGTH_RATIO < ratio < _FOCAL_LENGTH_RATIO
-    by_chance = abs(focal_length - nominal) < _BY_CHANCE * error
-    if not error < _MAX_RELATIVE_ERROR * focal_length or (is_far and by_chance):
+    is_far, is_thin_far = (
+        not 1.0 / _FOCAL_LENGTH_RATIO < f / nominal < _FOCAL_LENGTH_RATIO for f in (focal_length, thin)
+    )
+    is_open = not error < _MAX_RELATIVE_ERROR * focal_length
+    if lens and (is_far or is_open) and not is_thin_far:
+        raise InvalidValueError(
+            f"lens {lens!r} is not that of the observations: they ask for a focal length of {focal_length:.3g} +- "
+            f"{error:.2g} mm with it, for {thin:.3g} mm with a thin lens, and the nominal one is {nominal:g} mm; give "
+            "the prescription of a lens like the real one, or none"
+        )
+    if is_open or (is_far and abs(focal_length - nominal) < _BY_CHANCE * error):
         raise InvalidValueError(
             f"the observations leave the focal length open: {focal_length:.3g} +- {error:.2g} mm; add nearer "
             "boards, more tilt, or a prior on the focal length"
@@ -168,6 +198,6 @@ def check_focal_length(parameters: Floats, errors: Floats, nominal: float) -> No
         raise InvalidValueError(
             f"the observations ask for a focal length of {focal_length:.3g} +- {error:.2g} mm, and the nominal one is "
             f"{nominal:g} mm; check the board's points and the pixel pitch, both in mm: a board of twice the size "
-            "alters the focal length by 10 %; if they are right, give the focal length that the lens has at this "
-            "focus, and a lens that is like the real one"
+            "alters the focal length by 10 %, and one that is 1 % longer along one side by some 5 %; if they are "
+            "right, give the focal length that the lens has at this focus"
         )
