@@ -28,7 +28,7 @@ from plenoptic.calibration.joint_observations import join_settings
 from plenoptic.calibration.microlens_types import focal_lengths
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
-from plenoptic.calibration.twin import FixedParts, object_origin, twin_camera
+from plenoptic.calibration.twin import FixedParts, measured_f_number, object_origin, twin_camera
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats, check_kind, choice, finite, number
 from plenoptic.errors import InvalidValueError
@@ -338,4 +338,7 @@ def _layout(observations: Observations, f_number: float, lens: LensStack | None,
         focus = focal_lengths(observations, vergence, float(gap), float(state.parameters[P.PITCH]))
     index = observations.centre_index
     first, last, pivot = (tuple(each.tolist()) for each in (index.min(axis=0), index.max(axis=0), pivot_of(index)))
+    if lens is None and observations.radius is not None:
+        pitch = observations.sensor.pixel_pitch
+        f_number = measured_f_number(state.parameters, observations.radius, pitch, f_number)
     return FixedParts(observations.sensor, observations.lattice, f_number, focus, pivot, first, last, lens)

@@ -14,7 +14,7 @@ class NominalCamera:
     focal_length : float
         Of the main lens in mm; the calibrated one is within 8 %.
     f_number : float
-        Of the main lens. It is the twin's aperture; no observation of corners and centres depends on it.
+        Of the main lens: that of the twin, if no radius of the micro images tells another.
 
     Examples
     --------

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.display import picture_of
-from plenoptic.core.values import Floats, Given, check_kind, choice, frozen_array, positions, set_field, value
+from plenoptic.core.values import Floats, Given, check_kind, choice, frozen_array, positions, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.sensor.sensor import Sensor
@@ -48,6 +48,8 @@ class Observations:
     blur : (n,) array, optional
         Radius of the corner's blur in pixels, positive if the microlens focuses in front of the sensor; or the size of
         that radius, if none is negative. Focal lengths of microlenses follow from it, in micro images.
+    radius : float, optional
+        Radius of the micro images in pixels up to half of the light, from which the f-number of the lens follows.
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Observations:
     sensor: Sensor
     lattice: Lattice = Lattice.HEXAGONAL
     blur: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    radius: float | None = None
 
     def __post_init__(self) -> None:
         check_kind(self.sensor, "sensor", Sensor, "pl.Sensor(shape=(3068, 4080), pixel_pitch=0.0055)")
@@ -90,6 +93,8 @@ class Observations:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=shape, dtype=np.int64))
         if self.blur is not None:
             set_field(self, "blur", positions(self.blur, name="blur", shape=(n,)) if n else None)
+        if self.radius is not None:
+            set_field(self, "radius", positive(self.radius, "radius"))
         if n and not 0 <= self.point.min() <= self.point.max() < len(self.board):
             raise InvalidValueError(
                 f"point holds numbers from {self.point.min()} to {self.point.max()}; the board has {len(self.board)} "

@@ -10,6 +10,7 @@ import numpy as np
 from plenoptic.calibration.fitting.geometry import Parameter, lenslets
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.core.values import Floats
+from plenoptic.core.warn import warn
 from plenoptic.optics.glass.media import ConstantMedium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
@@ -28,6 +29,9 @@ _INDEX = 2.0
 """Refractive index of the substitute lens, plano-convex."""
 _THICKNESS = 0.05
 """Its thickness over its focal length."""
+_TOUCHING, _OTHER_F_NUMBER = 0.48, 0.15
+"""Radius of micro images that touch over their distance, and logarithm of the ratio of f-numbers of which a warning
+tells. Rendered white images give f-numbers within 3 %."""
 
 
 class FixedParts(NamedTuple):
@@ -82,6 +86,24 @@ def twin_camera(parameters: Floats, layout: FixedParts) -> PlenopticCamera:
         microlenses_placement=Placement(centre - [0.0, 0.0, to_array], rotation),
         sensor_placement=Placement(np.append(layout.sensor.pixel_pitch * off_axis, 0.0)),
     )  # fmt: skip
+
+
+def measured_f_number(parameters: Floats, radius: float, pixel_pitch: float, nominal: float) -> float:
+    """F-number of the lens by the radius of micro images in pixels; the nominal one where these touch.
+
+    A warning tells if it is far from the nominal one.
+    """
+    image = radius * pixel_pitch
+    ratio = float(parameters[P.LENS_TO_ARRAY] + parameters[P.EXIT_PUPIL]) / float(parameters[P.ARRAY_TO_SENSOR])
+    if image > _TOUCHING * float(parameters[P.PITCH]) * (1.0 + 1.0 / ratio):
+        return nominal
+    f_number = float(parameters[P.FOCAL_LENGTH] + parameters[P.EXIT_PUPIL]) / (2.0 * image * ratio)
+    if abs(math.log(f_number / nominal)) > _OTHER_F_NUMBER:
+        warn(
+            f"the nominal f-number is {nominal:g}, and micro images of the radius {radius:.3g} pixels ask for "
+            f"{f_number:.3g}, which the camera has"
+        )
+    return f_number
 
 
 def object_origin(camera: PlenopticCamera) -> float:

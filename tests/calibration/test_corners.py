@@ -242,7 +242,7 @@ def test_parts_of_marked_boards_calibrate():
     ]
     raws = [raw_of(shot_of(camera, board), camera, seed=k) for k, board in enumerate(boards)]
     observations = pl.calibration.observe(raws, raw_of(white_of(camera), camera, 20000.0), MARKED, pixel_pitch=PITCH)
-    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0), board=0.0)
+    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 7.5), board=0.0)
     assert calibration.corner_rms < 0.03
     P = pl.calibration.Parameter
     for parameter, true in ((P.FOCAL_LENGTH, 100.716), (P.ARRAY_TO_SENSOR, 1.7)):
@@ -256,8 +256,14 @@ def test_observations_of_raw_images_calibrate():
     white = raw_of(white_of(camera), camera, 20000.0)
     observations = pl.calibration.observe(raws, white, DESIGN, pixel_pitch=PITCH)
     assert len(observations.frames) == 6 and observations.sensor == camera.sensor
-    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0), board=0.0)
+    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 7.5), board=0.0)
     assert calibration.corner_rms < 0.03 and calibration.centre_rms < 0.01
+    twin, real = (pl.paraxial.cardinal_points(each.lens).f_number for each in (calibration.camera, camera))
+    # The printed f-number is not needed, and a wrong one is named.
+    assert abs(twin / real - 1) < 0.03
+    with pytest.warns(pl.errors.PlenopticWarning, match="nominal f-number is 11, and micro images .* ask for 7"):
+        other = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0), board=0.0)
+    assert other.camera == calibration.camera
     P = pl.calibration.Parameter
     for parameter, true in ((P.FOCAL_LENGTH, 100.716), (P.ARRAY_TO_SENSOR, 1.7)):
         assert abs(calibration[parameter] - true) < 5 * calibration.standard_error(parameter) < 0.08 * true
@@ -270,7 +276,9 @@ def test_observations_of_raw_images_calibrate():
         np.hypot(*(truth.pixel[truth.point == point] - pixel).T).min()
         for point, pixel in zip(twin.point, twin.pixel, strict=True)
     ]
-    assert np.sqrt(np.mean(np.square(missed))) < 0.05
+    # At the rims of micro images one of both may show a point that the other does not.
+    both = np.array(missed) < 3.0
+    assert np.mean(both) > 0.97 and np.sqrt(np.mean(np.array(missed)[both] ** 2)) < 0.05
 
 
 @pytest.mark.slow
@@ -315,7 +323,7 @@ def test_cameras_from_raw_images_are_within_their_errors():
         raws = [raw_of(shot_of(camera, each, samples=24), camera, seed=k) for k, each in enumerate(boards)]
         white = raw_of(white_of(camera), camera, 20000.0)
         observations = pl.calibration.observe(raws, white, design, pixel_pitch=PITCH)
-        calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0))
+        calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 7.5))
         assert any(test.accepted for test in calibration.held_out if test.name == "free board") == bool(number)
         # The pitch's error holds that of the exit pupil: centroids are drawn inwards as light falls by cos^4.
         error = np.sqrt(np.diag(calibration.covariance) + calibration.model_change**2 * (np.arange(len(P)) == P.PITCH))

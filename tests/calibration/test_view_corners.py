@@ -117,7 +117,7 @@ def observed(n=8):
 def test_an_unfocused_camera_is_calibrated_from_raw_images():
     camera, boards, observations = observed()
     assert observations.in_views and observations.blur is None and len(observations.frames) == 8
-    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 15.0), board=0.0)
+    calibration = pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 11.0), board=0.0)
     assert calibration.corner_rms < 0.15 and calibration.centre_rms < 0.02
     true = true_values(camera, calibration)
     for p in (P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH):
