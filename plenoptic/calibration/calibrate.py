@@ -313,7 +313,7 @@ def _result(
             board_error=errors,
             turn=state.poses.turn[frames],
             shift=np.add(shift[frames], (0.0, 0.0, object_origin(camera))),
-            corner_residual=at.corners[problem.setting == k] * problem.sigma[0],
+            corner_residual=(at.corners * problem.error)[problem.setting == k] * problem.sigma[0],
             centre_residual=at.centres[problem.centre_setting == k] * problem.sigma[1],
             held_out=tests,
             layout=layout,

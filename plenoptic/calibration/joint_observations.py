@@ -54,7 +54,6 @@ def join_settings(settings: tuple[Observations, ...]) -> JointObservations:
         raise InvalidValueError(
             "some focus settings have their corners in views and others in micro images; all must be of one kind"
         )
-    has_blur = all(each.blur is not None for each in with_corners)
     columns: dict[str, list[Any]] = {
         "index": [each.index @ step + shift for each, (step, shift) in zip(settings, steps, strict=True)],
         "centre_index": [each.centre_index @ step + shift for each, (step, shift) in zip(settings, steps, strict=True)],
@@ -64,7 +63,9 @@ def join_settings(settings: tuple[Observations, ...]) -> JointObservations:
     }
     columns |= {name: [getattr(each, name) for each in settings] for name in ("pixel", "point", "centre_pixel")}
     arrays: dict[str, Any] = {name: np.concatenate(parts) for name, parts in columns.items()}
-    arrays["blur"] = np.concatenate([each.blur for each in with_corners]) if has_blur else None
+    for name in ("blur", "standard_error"):
+        parts = [getattr(each, name) for each in with_corners]
+        arrays[name] = None if any(part is None for part in parts) else np.concatenate(parts)
     joint = dataclasses.replace(first, **arrays)
     corners, centres = ([len(part) for part in columns[name]] for name in ("pixel", "centre_pixel"))
     return JointObservations(joint, np.repeat(numbers, corners), np.repeat(numbers, centres))

@@ -48,6 +48,8 @@ class Observations:
     blur : (n,) array, optional
         Radius of the corner's blur in pixels, positive if the microlens focuses in front of the sensor; or the size of
         that radius, if none is negative. Focal lengths of microlenses follow from it, in micro images.
+    standard_error : (n, 2) array, optional
+        Standard errors of the corners' rows and columns; their ratios are the weights of the corners.
     radius : float, optional
         Radius of the micro images in pixels up to half of the light, from which the f-number of the lens follows.
 
@@ -74,6 +76,7 @@ class Observations:
     sensor: Sensor
     lattice: Lattice = Lattice.HEXAGONAL
     blur: Given[Floats | None, ArrayLike | None] = Given(default=None)
+    standard_error: Given[Floats | None, ArrayLike | None] = Given(default=None)
     radius: float | None = None
 
     def __post_init__(self) -> None:
@@ -93,6 +96,11 @@ class Observations:
             set_field(self, name, frozen_array(getattr(self, name), name=name, shape=shape, dtype=np.int64))
         if self.blur is not None:
             set_field(self, "blur", positions(self.blur, name="blur", shape=(n,)) if n else None)
+        if self.standard_error is not None:
+            errors = positions(self.standard_error, name="standard_error", shape=(n, 2)) if n else None
+            set_field(self, "standard_error", errors)
+            if errors is not None and not (errors > 0).all():
+                raise InvalidValueError(f"standard_error holds {errors.min():g}; errors of corners are above 0")
         if self.radius is not None:
             set_field(self, "radius", positive(self.radius, "radius"))
         if n and not 0 <= self.point.min() <= self.point.max() < len(self.board):

@@ -161,6 +161,26 @@ def test_gross_errors_do_not_matter():
     assert calibration.standard_error(P.FOCAL_LENGTH) < 1.6 * calibrated().standard_error(P.FOCAL_LENGTH)
 
 
+def test_corners_weigh_by_their_errors():
+    """Of corners whose errors differ tenfold the good ones tell nearly all."""
+    exact, rng = observed(noise=(0.0, NOISE[1])), np.random.default_rng(9)
+    bad = rng.random(exact.pixel.shape) < 0.5
+    errors = np.where(bad, 1.0, 0.1) * NOISE[0]
+    noisy = dataclasses.replace(exact, pixel=exact.pixel + errors * rng.standard_normal(errors.shape))
+    even, weighed, tenfold = (
+        pl.calibrate(dataclasses.replace(noisy, standard_error=each), start=NOMINAL, board=0.0)
+        for each in (None, errors, 10 * errors)
+    )
+    np.testing.assert_array_equal(tenfold.values, weighed.values)
+    assert np.abs(z_scores(weighed, parameters())).max() < 4
+    # Information per coordinate is the mean of 1 / error^2; none has more than four times the usual weight.
+    ratio = weighed.standard_error(P.FOCAL_LENGTH) / even.standard_error(P.FOCAL_LENGTH)
+    assert ratio < 0.75, ratio
+    assert abs(weighed.corner_residual[bad].std() / NOISE[0] - 1) < 0.05
+    with pytest.raises(pl.errors.InvalidValueError, match="errors of corners are above 0"):
+        dataclasses.replace(noisy, standard_error=0 * errors)
+
+
 def test_few_frames_are_fitted_without_leaving_any_out():
     calibration = pl.calibrate(observed(n=4, bend=0.1), start=NOMINAL)
     assert calibration.held_out == () and calibration.standard_error(P.STRETCH) == 0

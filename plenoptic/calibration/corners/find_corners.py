@@ -273,6 +273,7 @@ def observe(
         sensor=Sensor(shape=grid.shape, pixel_pitch=pixel_pitch),
         lattice=grid.lattice,
         blur=None if frames[0].in_views else np.concatenate([frame.blur for frame in frames]),
+        standard_error=np.concatenate([frame.standard_error for frame in frames]),
         radius=None if grid.radius is None else float(np.median(grid.radius)),
     )
 

@@ -30,6 +30,7 @@ def part_of(problem: Problem, state: State, frames: NDArray[np.int64]) -> tuple[
     part = problem._replace(
         grid=problem.grid[rows],
         pixel=problem.pixel[rows],
+        error=problem.error[rows],
         frame=np.searchsorted(frames, problem.frame[rows]),
         point=problem.point[rows],
         setting=problem.setting[rows],
@@ -53,6 +54,6 @@ def _fit_half(problem: Problem, state: State, frames: NDArray[np.int64], others:
     held, start = part_of(problem, State(fitted.parameters, poses, fitted.offset), others)
     held = held._replace(free=np.zeros_like(problem.free), board=problem.board + fitted.offset, board_sigma=0.0)
     _, result = minimise(held, start._replace(offset=np.zeros_like(fitted.offset)))
-    squares = np.mean((result.corners * held.sigma[0]) ** 2, axis=1)
+    squares = np.mean((result.corners * held.error * held.sigma[0]) ** 2, axis=1)
     counts = np.bincount(held.frame)
     return HalfFit(part, fitted, at, np.bincount(held.frame, squares) / counts, counts)

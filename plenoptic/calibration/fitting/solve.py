@@ -32,6 +32,8 @@ _UNDAMPED = 1e-10
 """Damping, relative to the information of each unknown alone, that changes no step."""
 _TOLERANCES = (100.0, 1.0, *6 * (0.01,))
 """Decrease of the cost at which rounds of steps end; in between standard deviations are estimated."""
+_LEAST_ERROR = 0.5
+"""Least standard error of a corner over their median: displacements that are none of noise are in all of them."""
 _BETTER_TILT = 0.95
 """Cost of the corners of a board tilted the other way, over that of its pose, below which it stands so."""
 
@@ -42,6 +44,8 @@ class Problem(NamedTuple):
     grid: Floats
     """(n, 2) microlenses of the corners, or lattice positions between them, in pitches from the pivot."""
     pixel: Floats
+    error: Floats
+    """(n, 2) standard deviation of each coordinate of the corners over their root mean square."""
     frame: NDArray[np.int64]
     """(n,) numbered from 0 without gaps."""
     point: NDArray[np.int64]
@@ -168,7 +172,8 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
     slopes = [projection.slope[:, :, free], np.cross(arms[:, None, :], projection.by_point), projection.by_point]
     if problem.board_sigma > 0:
         slopes.append(projection.by_point @ state.poses.turn[problem.frame])
-    corners = (projection.pixel - (0.0 if problem.in_views else problem.pixel)) / corner_sigma
+    corner_error = corner_sigma * problem.error
+    corners = (projection.pixel - (0.0 if problem.in_views else problem.pixel)) / corner_error
     middle, middle_slope = centres_of(problem, state.parameters)
     centres = (middle - problem.centre_pixel) / centre_sigma
     penalty = np.zeros(problem.unknowns)
@@ -179,7 +184,7 @@ def evaluate(problem: Problem, state: State) -> Evaluation:
     cost = loss(corners) + loss(centres) + float(penalty @ penalty)
     # A point at the focal plane or in the plane of its microlens has no image.
     cost = cost if np.isfinite(cost) and bool((points[:, 2] < -state.parameters[0]).all()) else np.inf
-    slope = np.concatenate(slopes, axis=2) / corner_sigma
+    slope = np.concatenate(slopes, axis=2) / np.broadcast_to(corner_error, corners.shape)[:, :, None]
     return Evaluation(corners, slope, centres, middle_slope[:, :, free] / centre_sigma, penalty, cost)
 
 
@@ -319,7 +324,17 @@ def problem_of(observations: Observations, basis: Floats, free: NDArray[np.bool_
     frame = np.searchsorted(observations.frames, observations.frame)
     board = observations.board - observations.board.mean(axis=0)
     return Problem(
-        grid, observations.pixel, frame, observations.point, np.zeros_like(frame), centre_grid,
-        observations.centre_pixel, np.zeros(len(centre_grid), np.int64), observations.sensor.pixel_pitch, board, free,
+        grid, observations.pixel, _relative_errors(observations), frame, observations.point, np.zeros_like(frame),
+        centre_grid, observations.centre_pixel, np.zeros(len(centre_grid), np.int64), observations.sensor.pixel_pitch,
+        board, free,
         np.zeros((COUNT, 2)), 0.0, in_views=observations.in_views,
     )  # fmt: skip
+
+
+def _relative_errors(observations: Observations) -> Floats:
+    """Standard errors (n, 2) of corners over their root mean square, none below half of the median."""
+    errors = observations.standard_error
+    if errors is None:
+        return np.ones_like(observations.pixel)
+    errors = np.maximum(errors, _LEAST_ERROR * np.median(errors))
+    return np.asarray(errors / np.sqrt(np.mean(errors**2)))

@@ -115,7 +115,8 @@ def setting_part(problem: Problem, k: int) -> Problem:
     """Problem of one focus setting alone."""
     rows, centres = problem.setting == k, problem.centre_setting == k
     return problem._replace(
-        grid=problem.grid[rows], pixel=problem.pixel[rows], point=problem.point[rows], setting=problem.setting[rows],
+        grid=problem.grid[rows], pixel=problem.pixel[rows], error=problem.error[rows], point=problem.point[rows],
+        setting=problem.setting[rows],
         frame=np.unique(problem.frame[rows], return_inverse=True)[1], centre_grid=problem.centre_grid[centres],
         centre_pixel=problem.centre_pixel[centres], centre_setting=problem.centre_setting[centres],
         free=problem.free[:COUNT], prior=problem.prior[:COUNT],
