@@ -9,6 +9,7 @@ from plenoptic.calibration.grid_files import read_grid, write_grid
 from plenoptic.calibration.micro_images import find_micro_images
 from plenoptic.calibration.nominal import NominalCamera
 from plenoptic.calibration.observations import Observations
+from plenoptic.calibration.toolbox_corners import read_lftoolbox_corners, write_lftoolbox_corners
 from plenoptic.camera.points.micro_image_grid import MicroImageGrid
 
 __all__ = [
@@ -25,5 +26,7 @@ __all__ = [
     "observe",
     "read_compote",
     "read_grid",
+    "read_lftoolbox_corners",
     "write_grid",
+    "write_lftoolbox_corners",
 ]

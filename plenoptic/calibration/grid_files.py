@@ -149,7 +149,7 @@ def write_grid(path: str | os.PathLike[str], grid: MicroImageGrid) -> None:
     file = file_path(path)
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
     if file.suffix == ".json":
-        write_json(file, {"LensletGridModel": _toolbox_model(grid)})
+        write_json(file, {"LensletGridModel": toolbox_model(grid)})
     elif file.suffix == ".xml":
         write_file(file, rxlive_text(grid)[0].encode("ascii"))
     else:
@@ -207,7 +207,7 @@ def rxlive_text(grid: MicroImageGrid, ranges: Sequence[tuple[float, float]] | No
     return "\n".join([*lines, "</RayCalibData>", ""]), [kind for (kind,) in types]
 
 
-def _toolbox_model(grid: MicroImageGrid) -> dict[str, Any]:
+def toolbox_model(grid: MicroImageGrid) -> dict[str, Any]:
     """`LensletGridModel`; see `pl.export.lftoolbox`."""
     is_hexagonal, order = grid.lattice is Lattice.HEXAGONAL, -1 if grid.is_along_rows else 1
     # x + i y of the image, or of the transposed one, where rows of lenses run along x.

@@ -171,7 +171,7 @@ def _find_frames(
 ) -> tuple[list[BoardCorners], dict[int, InvalidValueError]]:
     """Corners of images, all in micro images or all in views, and errors of those that show none, by their numbers."""
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
-    shape, slopes = _corners_of(board), np.zeros(2)
+    shape, slopes = corners_of(board), np.zeros(2)
     for raw in raws:
         slopes += light_slopes(patches_of(raw, white, grid)[1], grid.basis)
     # Squares may be too small for views.
@@ -278,7 +278,7 @@ def observe(
     )
 
 
-def _corners_of(board: Target) -> tuple[int, int]:
+def corners_of(board: Target) -> tuple[int, int]:
     """Rows and columns of the inner corners of a checkerboard."""
     check_kind(board, "board", Target, "pl.targets.checkerboard(9, 6, square=2.0)")
     if board.index is not None and len(board.index):
