@@ -36,6 +36,9 @@ _SAME_STEPS, _SAME_PLACE = 0.02, 0.3
 """Largest difference of the grid model from a grid, in steps of the lattice and in pitches."""
 _OFF_VIEW = 0.1
 """Largest distance in pixels of a view of turned pixels from one of the file."""
+_NUMBERS = ("HSpacing", "VSpacing", "HOffset", "VOffset", "Rot", "FirstPosShiftRow", "VMax")
+_LARGEST = 1e6
+"""Largest of these numbers, and of positions, in files."""
 _CORNERS, _MODEL, _OPTIONS = "CheckerCorners", "LensletGridModel", "DecodeOptions"
 
 
@@ -234,14 +237,16 @@ def _read_corners(file: Any, grid: MicroImageGrid, shape: tuple[int, int], limit
         cells, model = content[_CORNERS], content[_MODEL]
         if str(model["Orientation"]) != "horz" or cells.dtype != object or cells.ndim != 2:
             raise ValueError("CheckerCorners are no cells, or rows of microlenses do not run along x")
-        numbers = {name: float(np.squeeze(number)) for name, number in model.items() if name != "Orientation"}
+        numbers = {name: float(np.squeeze(model[name])) for name in _NUMBERS}
+        if min(numbers["HSpacing"], numbers["VSpacing"]) < 1 or not max(map(abs, numbers.values())) < _LARGEST:
+            raise ValueError("its microlenses are less than a pixel apart, or too many")
         scale = np.ones(4) if (given := content[_OPTIONS].get("OutputScale")) is None else given.ravel()
         complete = {
             view: cell.astype(np.float64)
             for view, cell in np.ndenumerate(cells)
-            if cell.shape == (math.prod(shape), 2) and np.isfinite(cell).all()
+            if cell.shape == (math.prod(shape), 2) and (np.abs(cell) < _LARGEST).all()
         }
-        if not complete or not (np.isfinite(scale).all() and len(scale) == 4 and (scale > 0).all()):
+        if not (complete and len(scale) == 4 and ((scale > 1 / _LARGEST) & (scale < _LARGEST)).all()):
             raise FileError(f"{str(file)!r} has no view with all {math.prod(shape)} corners of the board")
     views, middle = _view_pixels(numbers, scale, grid), 0.5 * (np.array(cells.shape) - 1.0)
     indices, pixels = [], []
@@ -265,8 +270,7 @@ def _model_of(grid: MicroImageGrid) -> dict[str, Any]:
 
 def _view_pixels(model: Mapping[str, Any], scale: Floats, grid: MicroImageGrid) -> _ViewPixels:
     """Pixels of views by a grid model, in the numbers of a grid; raise InvalidValueError if these differ."""
-    names = ("HSpacing", "VSpacing", "HOffset", "VOffset", "Rot", "FirstPosShiftRow", "VMax")
-    h, v, x, y, angle, shifted, lines = (float(model[name]) for name in names)
+    h, v, x, y, angle, shifted, lines = (float(model[name]) for name in _NUMBERS)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     turned_columns = None if grid.is_along_rows else grid.shape[1]
     nothing = np.zeros((0, 2), dtype=np.int64)
