@@ -240,7 +240,7 @@ def _read_corners(file: Any, grid: MicroImageGrid, shape: tuple[int, int], limit
         numbers = {name: float(np.squeeze(model[name])) for name in _NUMBERS}
         if min(numbers["HSpacing"], numbers["VSpacing"]) < 1 or not max(map(abs, numbers.values())) < _LARGEST:
             raise ValueError("its microlenses are less than a pixel apart, or too many")
-        scale = np.ones(4) if (given := content[_OPTIONS].get("OutputScale")) is None else given.ravel()
+        scale = np.ravel(content[_OPTIONS].get("OutputScale", np.ones(4)))
         complete = {
             view: cell.astype(np.float64)
             for view, cell in np.ndenumerate(cells)

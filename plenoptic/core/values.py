@@ -268,9 +268,10 @@ def choice(value: Any, kind: type[Choice], name: str) -> Choice:
 def wrong_kind(value: object, name: str, expected: str, example: str) -> InvalidValueError:
     """Error for an argument that is not of the type `expected`, with an example of that type."""
     actual = _with_article(type(value).__name__)
-    if expected == "Exposure":  # raw numbers, and linear light without a camera, become one
-        made = f"{name}.demosaic()" if hasattr(value, "demosaic") else f"pl.Exposure({name})"
-        example = made if hasattr(value, "demosaic") or isinstance(value, np.ndarray) else example
+    if expected == "Exposure" and hasattr(value, "demosaic"):
+        example = f"{name}.demosaic()"
+    elif expected == "Exposure" and isinstance(value, np.ndarray):
+        example = f"pl.Exposure({name})"
     return InvalidValueError(f"{name} is {actual}; give {_with_article(expected)}, such as {example}")
 
 
