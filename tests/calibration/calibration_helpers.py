@@ -16,12 +16,14 @@ GALILEAN, KEPLERIAN = (123.3, 1.7), (156.0, 1.9)
 """Distances from the iris to the array and from there to the sensor."""
 
 
-def camera_as_built(seed=0, *, distances=GALILEAN, lattice=pl.Lattice.HEXAGONAL, model=pl.LensModel.THIN):
+def camera_as_built(
+    seed=0, *, distances=GALILEAN, lattice=pl.Lattice.HEXAGONAL, model=pl.LensModel.THIN, shape=(700, 900)
+):
     """A camera whose array and sensor stand somewhat off their designed places."""
     rng = np.random.default_rng(seed)
     camera = pl.PlenopticCamera(
         lens=pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0)).with_model(model),
-        sensor=pl.Sensor(shape=(700, 900), pixel_pitch=0.010),
+        sensor=pl.Sensor(shape=shape, pixel_pitch=0.010),
         stop_to_microlenses=distances[0],
         microlenses=pl.MicrolensArray(pitch=0.217, focal_lengths=(2.0,), lattice=lattice),
         microlenses_to_sensor=distances[1],

@@ -19,9 +19,9 @@ NOISE = 0.3, 0.05
 CASES = [(GALILEAN, 0.0), (KEPLERIAN, 0.0), (GALILEAN, 0.3), (KEPLERIAN, 0.3)]
 
 
-def calibrated(seed, distances, bend):
-    camera, (design, board) = camera_as_built(seed, distances=distances), board_points(bend, seed)
-    observations = observed(camera, boards_in_view(board, 12, seed), design, noise=NOISE, seed=seed)
+def calibrated(seed, distances, bend, n=12, shape=(700, 900)):
+    camera, (design, board) = camera_as_built(seed, distances=distances, shape=shape), board_points(bend, seed)
+    observations = observed(camera, boards_in_view(board, n, seed), design, noise=NOISE, seed=seed)
     return camera, pl.calibrate(observations, start=pl.calibration.NominalCamera(100.0, 7.0))
 
 
@@ -40,7 +40,8 @@ def test_a_projected_camera_comes_back():
 @pytest.mark.slow
 def test_errors_of_many_cameras_are_those_that_are_stated():
     """Twelve cameras with Galilean and Keplerian arrays, of which half see a bent board."""
-    z = np.array([scores(*calibrated(4 * k + n, *case)) for k in range(3) for n, case in enumerate(CASES)])
+    cases = [(4 * k + n, *case) for k in range(3) for n, case in enumerate(CASES)]
+    z = np.array([scores(*calibrated(*case, n=10, shape=(490, 630))) for case in cases])
     # Of 12 normal numbers the root mean square is 1 +- 0.2, and all parameters together are some 5 independent ones.
     rms = np.sqrt(np.mean(z**2, axis=0))
     assert ((rms > 0.4) & (rms < 1.6)).all(), rms
@@ -48,12 +49,12 @@ def test_errors_of_many_cameras_are_those_that_are_stated():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_prescriptions_give_the_camera_back_and_intervals_hold_it_with_another_lens(seed):
     distances, bend = CASES[seed]
-    camera = camera_as_built(seed, distances=distances, model=pl.LensModel.EXACT)
+    camera = camera_as_built(seed, distances=distances, model=pl.LensModel.EXACT, shape=(560, 720))
     design, board = board_points(bend, seed)
-    observations = observed(camera, boards_in_view(board, 8, seed), design, noise=NOISE, seed=seed)
+    observations = observed(camera, boards_in_view(board, 6, seed), design, noise=NOISE, seed=seed)
     errors = NOISE[0] * np.random.default_rng(seed).standard_normal(observations.pixel.shape)
     start = pl.calibration.NominalCamera(100.0, 7.0)
     for lens in (camera.lens, pl.load_lens("double-gauss-105mm-f1.4")):

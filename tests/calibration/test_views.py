@@ -36,8 +36,8 @@ def simulated_camera(seed, n=10, **options):
 
 
 @functools.cache
-def calibrated(seed=0):
-    values, _, observations = simulated_camera(seed, radius=3.2)
+def calibrated(seed=0, n=10):
+    values, _, observations = simulated_camera(seed, n, radius=2.3)
     return values, observations, pl.calibrate(observations, start=NOMINAL)
 
 
@@ -105,9 +105,9 @@ def test_errors_are_those_of_the_noise_and_the_twin_is_unfocused():
 
 @pytest.mark.slow
 def test_advice_is_what_more_boards_give():
-    _, _, calibration = calibrated()
+    _, _, calibration = calibrated(n=6)
     rows = dict(calibration.error_table)
-    _, _, twice = simulated_camera(0, n=20, radius=3.2)
+    _, _, twice = simulated_camera(0, n=12, radius=2.3)
     real = pl.calibrate(twice, start=NOMINAL).standard_error(P.FOCAL_LENGTH)
     assert rows["as many frames again"][P.FOCAL_LENGTH] == pytest.approx(real, rel=0.3)
 
@@ -116,7 +116,7 @@ def test_advice_is_what_more_boards_give():
 def test_errors_of_many_unfocused_cameras_are_those_that_are_stated():
     z = []
     for seed in range(12):
-        values, _, calibration = calibrated(seed)
+        values, _, calibration = calibrated(seed, 6)
         z.append(((calibration.values - values) / np.sqrt(np.maximum(np.diag(calibration.covariance), 1e-300)))[SHARED])
     # As of focused cameras: some 5 independent parameters of 12 cameras.
     assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
