@@ -129,7 +129,8 @@ def test_an_unfocused_camera_is_calibrated_from_raw_images():
     for frame, board in enumerate(boards):
         rows = observations.frame == frame
         seen = dataclasses.replace(observations, **{
-            name: getattr(observations, name)[rows] for name in ("index", "pixel", "frame", "point")
+            name: getattr(observations, name)[rows]
+            for name in ("index", "pixel", "frame", "point", "standard_error")
         })  # fmt: skip
         true = projection_minus_corners(camera, seen, board.points[seen.point])
         errors.append(true - calibration.corner_residual[rows])
