@@ -10,7 +10,7 @@ import numpy as np
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.camera.sampling.sampling_records import Batch
 from plenoptic.core.values import Floats, check_kind, whole, wrong_kind
-from plenoptic.errors import InvalidValueError
+from plenoptic.errors import InvalidValueError, SceneError
 from plenoptic.rendering.context import RenderContext, batch_of, render_context
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.integrator.path import PathIntegrator
@@ -223,6 +223,8 @@ def _through_scene(
             return (), None, PathEnding.LOST
         escape = Escape(rays[0, 3:], np.ones(1))
         return (WorldRay(rays[0, :3], rays[0, 3:], path.weight), escape), None, PathEnding.LEFT_SCENE
+    if context.scene.media is not None:
+        raise SceneError("replay shows surfaces only, and a medium of this scene scatters; give it scattering=0")
     integrator = PathIntegrator(context, 1)
     recorder = Recorder(scene, integrator, context.plan, context.settings.max_bounces)
     radiance = integrator.radiance(path.bundle, 0, 1, batch, path.pixel.number, path.waves, recorder)

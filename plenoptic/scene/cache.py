@@ -57,7 +57,7 @@ def _prepare(scene: Scene) -> PreparedScene:
         first = scene.meshes[0]
         cache = _kept(first.mesh if isinstance(first, Instances) else first)
         surfaces_before = cache.surfaces
-    record, surfaces = build_record(scene.meshes, scene.lights, scene.background, surfaces_before)
+    record, surfaces = build_record(scene.meshes, scene.lights, scene.background, surfaces_before, scene.medium)
     if cache is not None:
         cache.surfaces = surfaces
     return PreparedScene(record, cache)

@@ -20,7 +20,8 @@ from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
-from plenoptic.scene.lights.registry import LIGHTS, AreaLight, Light
+from plenoptic.scene.lights.registry import LIGHTS, AreaLight, DistantLight, Light
+from plenoptic.scene.materials.medium import Medium, as_medium
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene_record import SceneRecord, box_around, build_record
 from plenoptic.scene.textures.color import Colour
@@ -42,13 +43,15 @@ class Scene:
         Background of rays that hit no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
     views : sequence of View
         Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
+    medium : Medium, optional
+        Medium outside all bodies, from the lens on; lights from infinity do not shine through it.
 
     Raises
     ------
     InvalidValueError
         Something that is not a mesh, a light or a background.
     SceneError
-        No mesh, no light and no background.
+        No mesh, no light and no background; a medium without bound under the sun or a background.
 
     Examples
     --------
@@ -65,6 +68,7 @@ class Scene:
     lights: Given[tuple[Light, ...], Iterable[Light]] = Given(default=())
     background: Given[Background | None, Background | Colour | None] = Given(default=None)
     views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
+    medium: Medium | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
@@ -78,6 +82,14 @@ class Scene:
             set_field(self, "background", ConstantBackground(self.background))
         if not self.meshes and not self.lights and self.background is None:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
+        as_medium(self.medium, "medium")
+        dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
+        sky = self.background is not None and not dark
+        if self.medium is not None and (sky or any(isinstance(light, DistantLight) for light in self.lights)):
+            raise SceneError(
+                "the scene has a medium without bound under the sun or a background, of which no light arrives; "
+                "bound it by a body of pl.Dielectric(1.0, medium=...), or light it by lamps"
+            )
 
     def __repr__(self) -> str:
         triangles = sum(len(part.mesh.faces if isinstance(part, Instances) else part.faces) for part in self.meshes)
@@ -92,6 +104,7 @@ class Scene:
             _count(len(self.lights), "light", "lights"),
             world,
             _count(len(self.views), "view", "views"),
+            "" if self.medium is None else "a medium",
         ]
         return f"Scene({', '.join(part for part in parts if part)})"
 
@@ -183,8 +196,15 @@ class Scene:
                 f"the scenes have different backgrounds, {self.background!r} and {other.background!r}; "
                 "remove one by dataclasses.replace(scene, background=None)"
             )
-        background = other.background if self.background is None else self.background
-        return Scene(self.meshes + other.meshes, self.lights + other.lights, background, self.views + other.views)
+        if self.medium is not None and other.medium is not None and self.medium != other.medium:
+            raise SceneError("the scenes have different media; remove one by dataclasses.replace(scene, medium=None)")
+        return Scene(
+            self.meshes + other.meshes,
+            self.lights + other.lights,
+            other.background if self.background is None else self.background,
+            self.views + other.views,
+            other.medium if self.medium is None else self.medium,
+        )
 
     def transformed(self, matrix: ArrayLike) -> Scene:
         """The scene moved by an affine map, p' = M p: meshes, lights, views and the environment.
@@ -226,6 +246,7 @@ class Scene:
             tuple(light.moved(full, scale) for light in self.lights),
             world.moved(full, scale) if isinstance(world, EnvironmentMap) else world,
             tuple(view.moved(full) for view in self.views),
+            self.medium,
         )
 
     def with_lights(self, lights: Iterable[Light]) -> Scene:
@@ -250,7 +271,7 @@ class Scene:
         >>> record.lights.sky.background.tolist(), record.geometry is None
         ([0.5], True)
         """
-        return build_record(self.meshes, self.lights, self.background)[0]
+        return build_record(self.meshes, self.lights, self.background, medium=self.medium)[0]
 
 
 def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:

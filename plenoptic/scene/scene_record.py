@@ -21,8 +21,9 @@ from plenoptic.scene.lights.build_lights import Emitters, environment_record, li
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.light_records import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
-from plenoptic.scene.materials.build_materials import alpha_record, bsdf_record, color_rows
-from plenoptic.scene.materials.material_records import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow
+from plenoptic.scene.materials.build_materials import alpha_record, bsdf_record, color_rows, media_records
+from plenoptic.scene.materials.material_records import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow, Media
+from plenoptic.scene.materials.medium import Medium
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.textures.color import is_grey, mean_colour
 from plenoptic.scene.textures.texture import Texture
@@ -53,7 +54,11 @@ class SceneRecord(NamedTuple):
     textures: Textures | None
     """None if no texture gives a property of `bsdf`."""
     absorption: Floats | None
-    """(nm, C), 1/mm. None where nothing absorbs."""
+    """(nm, C), 1/mm, with one row more for the scene's medium. None where nothing absorbs or scatters."""
+    media: Media | None
+    """None where no medium scatters."""
+    surrounding: int | None
+    """Row of the scene's medium in `absorption`. None where the scene has none."""
     alpha: Alpha | None
     """None where all is opaque."""
     emission: Emission | None
@@ -128,20 +133,22 @@ def build_record(
     lights: Sequence[Light],
     background: Background | None,
     previous: CompiledMeshes | None = None,
+    medium: Medium | None = None,
 ) -> tuple[SceneRecord, CompiledMeshes]:
-    """Compile meshes, lights and a background (None: black), with the `previous` surfaces where they are of the same
-    meshes.
+    """Compile meshes, lights, a background (None: black) and a medium, with the `previous` surfaces where they are of
+    the same meshes.
     """
     shapes = [light.mesh() for light in lights if isinstance(light, AreaLight)]
     surfaces = previous if previous is not None and previous.are(meshes, shapes) else build_surfaces(meshes, shapes)
     rows, columns = surfaces.textures.rows, surfaces.textures
-    channels = 1 if all(row.is_grey for row in rows) and _all_grey(lights, background) else 3
+    grey = all(row.is_grey for row in rows) and _all_grey(lights, background)
+    channels = 1 if grey and (medium is None or (is_grey(medium.absorption) and is_grey(medium.scattering))) else 3
     instanced = [mesh for mesh in meshes if isinstance(mesh, Instances)]
     instances, geometry = instance_record(instanced, surfaces.first), surfaces.geometry
     if geometry is not None and instances is not None:
         geometry = add_instances(geometry, instances)
     bsdf = bsdf_record(surfaces.materials, channels)
-    absorption = color_rows([row.absorption for row in rows], channels)
+    absorption, media = media_records(rows, medium, channels)
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
     two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
     emitters = None
@@ -152,7 +159,12 @@ def build_record(
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
     emitter_record, pdf = lights_record(
-        lights, emitters, _sky(background, channels), box_around(boxes), channels, drawn=bsdf is not None
+        lights,
+        emitters,
+        _sky(background, channels),
+        box_around(boxes),
+        channels,
+        drawn=bsdf is not None or media is not None,
     )
     emission = None
     if emitters is not None:
@@ -166,7 +178,9 @@ def build_record(
         motions=tuple(one.motion for one in instanced if one.motion is not None) or None,
         bsdf=bsdf,
         textures=None if all(column is None for column in of_surfaces) else of_surfaces,
-        absorption=absorption if np.any(absorption) else None,
+        absorption=absorption,
+        media=media,
+        surrounding=None if medium is None or absorption is None else len(rows),
         alpha=alpha_record(rows, columns.column("opacity")),
         emission=emission,
         lights=emitter_record,

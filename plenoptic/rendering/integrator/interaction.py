@@ -93,5 +93,6 @@ class InteractionStage:
         if scene.absorption is not None:
             from plenoptic.scene.materials.kernels import absorption
 
-            absorption.fill_dimmed_lights(drawn, queue.media, interactions, scene.absorption, wavelengths)
+            extinction = scene.absorption if scene.media is None else scene.media.extinction
+            absorption.fill_dimmed_lights(drawn, queue.media, interactions, extinction, wavelengths)
         return drawn

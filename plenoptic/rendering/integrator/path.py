@@ -24,6 +24,7 @@ from plenoptic.scene.lights.light_records import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 if TYPE_CHECKING:
+    from plenoptic.rendering.integrator.media import MediumStage
     from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
 
@@ -70,8 +71,15 @@ class PathIntegrator:
         self._hits = no_hits(scene, capacity)
         queues = [self._ray_queue(capacity) for _ in range(2 if self._scatters else 1)]
         self._queue, self._next_queue = queues[0], queues[-1]
-        if scene.absorption is not None and intersector is not None:
+        if scene.absorption is not None:
             self._media = media_at(scene, intersector, np.zeros(3) if camera.position is None else camera.position)
+            glass = None if scene.bsdf is None else scene.bsdf.glass_index
+            self._glass_index = np.zeros((len(scene.absorption), 2)) if glass is None else glass
+        self._medium_stage: MediumStage | None = None
+        if plan.runs(Stage.MEDIA):
+            from plenoptic.rendering.integrator.media import MediumStage
+
+            self._medium_stage = MediumStage(scene, self._glass_index, capacity, channels)
         if scene.emission is not None:
             from plenoptic.rendering.integrator.kernels.emission import add_emission
 
@@ -129,7 +137,7 @@ class PathIntegrator:
             hits = self._intersect(n_rays, bounce)
             if bounce == 0:
                 self.scene_hits += int(np.count_nonzero(hits.triangle >= 0))
-            self._add_emission(radiance, hits, wavelengths)
+            self._add_emission(radiance, hits, bounce, wavelengths)
             if observer is not None:
                 observer.on_hit(self._queue.rays[:n_rays], hits, radiance)
             if bounce == max_bounces or not self._scatters:
@@ -171,22 +179,40 @@ class PathIntegrator:
                 self.moving.set_placements(hits, path)
         return hits
 
-    def _add_emission(self, radiance: Floats, hits: Hits, wavelengths: Wavelengths) -> None:
-        """Attenuate the throughput by absorption along each ray, then add the emission at its hit or of the sky."""
+    def _add_emission(self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths) -> None:
+        """Attenuate the throughput by the media along each ray, then add the emission at its hit or of the sky."""
         scene, queue = self.scene, self._queue
-        if scene.absorption is not None and scene.bsdf is not None:
-            from plenoptic.scene.materials.kernels.absorption import fill_absorption
-
-            fill_absorption(queue, hits, scene.geometry, scene.bsdf.glass_index, scene.absorption, wavelengths)
-        if scene.emission is not None:
-            self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
         if self._sees_sky:
             self._sky_emission(radiance, queue, hits, scene.lights.sky, wavelengths)
+        if self._medium_stage is not None:
+            self._medium_stage.end_flights(queue, hits, self._path_keys(), bounce, wavelengths)
+        if scene.absorption is not None and scene.geometry is not None:
+            from plenoptic.scene.materials.kernels.absorption import fill_absorption
+
+            fill_absorption(queue, hits, scene.geometry, self._glass_index, scene.absorption, wavelengths)
+        if scene.emission is not None:
+            self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
 
     def _scatter(
         self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
     ) -> int:
         """Add direct light and sample the scattered rays; return their number."""
+        n_rays = 0
+        if self.scene.bsdf is not None:
+            n_rays = self._scatter_at_surfaces(radiance, hits, bounce, wavelengths, observer)
+        if self._medium_stage is not None:
+            if self._lights:
+                self._add_unblocked(radiance, self._medium_stage.draw_lights(self._shadow, self._queue, wavelengths))
+            if self._traces_scattered:
+                n_rays = self._medium_stage.scatter(
+                    self._next_queue, n_rays, self._queue, russian_roulette=bounce >= ROULETTE
+                )
+        return n_rays
+
+    def _scatter_at_surfaces(
+        self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
+    ) -> int:
+        """Scatter the rays that hit surfaces; return the number of scattered ones."""
         interactions = self._stage.evaluate(self._queue, hits, self._path_keys(), bounce, wavelengths)
         if self._lights:
             drawn = self._stage.draw_lights(interactions, self._queue, wavelengths, self._shadow)
@@ -208,13 +234,18 @@ class PathIntegrator:
         self, radiance: Floats, interactions: Interactions, drawn: DrawnLights, wavelengths: Wavelengths
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the sampled lights that are not occluded; return the shadow rays, and a mask of the blocked ones."""
+        count = self._eval_direct(self._shadow, interactions, drawn, self._queue, self.scene.bsdf, wavelengths)
+        return self._add_unblocked(radiance, count)
+
+    def _add_unblocked(self, radiance: Floats, count: int) -> tuple[ShadowRays, NDArray[np.uint8]]:
+        """Add the light of the first `count` shadow rays that are not occluded; return these, and a mask."""
         scene = self.scene
-        count = self._eval_direct(self._shadow, interactions, drawn, self._queue, scene.bsdf, wavelengths)
         shadow, blocked = self._shadow.first(count), self._blocked[:count]
         if count:
             intersector = self._intersector if self.moving is None else self.moving.at_times(shadow.path)
-            assert intersector is not None
-            if scene.alpha is None:
+            if intersector is None:
+                blocked[:] = 0
+            elif scene.alpha is None:
                 intersector.fill_occlusion(blocked, shadow.rays)
             else:
                 attenuate_shadows(scene, intersector, shadow.rays, blocked, shadow.radiance)
@@ -235,10 +266,10 @@ class PathIntegrator:
     def _update_states(self, source: NDArray[np.int64], interactions: Interactions) -> None:
         """Set the media of scattered rays, and whether their paths have met a rough surface."""
         queue, next_queue, scene = self._queue, self._next_queue, self.scene
-        if scene.absorption is not None and scene.bsdf is not None:
+        if scene.absorption is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_next_media
 
-            fill_next_media(next_queue.media, source, queue.media, interactions, scene.bsdf.glass_index)
+            fill_next_media(next_queue.media, source, queue.media, interactions, self._glass_index)
         if queue.rough is not None:
             assert next_queue.rough is not None and next_queue.pdf is not None
             surface, n_rays = np.where(source < 0, -1 - source, source), len(source)

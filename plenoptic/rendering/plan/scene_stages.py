@@ -33,7 +33,8 @@ def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decisi
 
 
 def _scatters(record: SceneRecord, max_bounces: int) -> bool:
-    return record.geometry is not None and record.bsdf is not None and max_bounces > 0
+    surfaces = record.geometry is not None and record.bsdf is not None
+    return (surfaces or record.media is not None) and max_bounces > 0
 
 
 def _sky_parts(record: SceneRecord) -> str:
@@ -78,19 +79,26 @@ def _scattering(record: SceneRecord, max_bounces: int) -> list[Decision]:
     from plenoptic.scene.materials.registry import KIND_NAMES, LAMBERTIAN
 
     other_kinds = "there are " + ", ".join(KIND_NAMES[kind] for kind in sorted(kinds - {LAMBERTIAN}))
+    media = record.media is not None
     absorbs, samples_lights = record.absorption is not None, record.lights.cdf is not None
     onward = scatters and (_visible(record) or (samples_lights and max_bounces > 1))
     no, bounces, roulette = "nothing scatters", f"up to {max_bounces} bounces", f"after {ROULETTE} bounces"
     return [
         decide(
             Stage.SCATTERING,
-            *(meshes, "there is no mesh"),
-            *(bsdf is not None, "nothing reflects"),
+            *(meshes or media, "there is no mesh"),
+            *(bsdf is not None or media, "nothing reflects"),
             *(max_bounces > 0, "0 bounces"),
-            "something reflects",
+            "something reflects" if bsdf is not None else "a medium scatters",
         ),
         decide(Stage.MATERIALS, scatters, no, kinds, "all surfaces are Lambertian", other_kinds),
-        decide(Stage.ABSORPTION, scatters, no, absorbs, "nothing absorbs", "some glass absorbs"),
+        decide(
+            Stage.ABSORPTION,
+            *(scatters or record.surrounding is not None, no),
+            *(absorbs, "nothing absorbs"),
+            "some glass absorbs" if record.surrounding is None else "the scene's medium weakens light",
+        ),
+        decide(Stage.MEDIA, scatters, no, media, "no medium scatters", "some medium scatters"),
         decide(
             Stage.DIRECT_LIGHT, scatters, no, samples_lights, "there are no lights", f"drawn: {_sampled_lights(record)}"
         ),

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.values import Floats, contiguous
-from plenoptic.scene.materials.material_records import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow
+from plenoptic.scene.materials.material_records import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow, Media
+from plenoptic.scene.materials.medium import Medium
 from plenoptic.scene.materials.registry import CONDUCTOR, DIELECTRIC, LAMBERTIAN, MATERIALS, THIN_DIELECTRIC, Material
 from plenoptic.scene.textures.color import Colour
 from plenoptic.scene.textures.texture import Texture
@@ -37,6 +38,24 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
         extra_shares=None if extra is None else extra.reshape(len(rows), -1),
         **tables,
     )
+
+
+def media_records(
+    rows: Sequence[MaterialRow], medium: Medium | None, channels: int
+) -> tuple[Floats | None, Media | None]:
+    """Compile absorption, None where nothing absorbs or scatters, and media, None where none scatters.
+
+    The medium of the scene is the last row.
+    """
+    absorption, scattering = [row.absorption for row in rows], [row.scattering for row in rows]
+    asymmetry = [row.asymmetry for row in rows]
+    if medium is not None:
+        absorption, scattering = [*absorption, medium.absorption], [*scattering, medium.scattering]
+        asymmetry.append(medium.phase.g)
+    absorbed, scattered = color_rows(absorption, channels), color_rows(scattering, channels)
+    media = Media(scattered, contiguous(absorbed + scattered), contiguous(np.array(asymmetry)))
+    scatters = bool(np.any(scattered))
+    return absorbed if scatters or np.any(absorbed) else None, media if scatters else None
 
 
 def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> Alpha | None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from plenoptic.core.values import checked_field, value
+from plenoptic.errors import SceneError
 from plenoptic.scene.materials.material_records import SMOOTH, MaterialRow
+from plenoptic.scene.materials.medium import Medium, as_medium
 from plenoptic.scene.textures.color import Colour, as_colour, as_fraction, as_index
 
 
@@ -25,13 +27,15 @@ class Dielectric:
         Per mm, 0 or more: of radiance, exp(-absorption t) is left after t mm in the body (Beer-Lambert).
     exterior : float
         Refractive index before the front: 1 in air; for a surface between glass and water, that of the other one.
+    medium : Medium, optional
+        Medium of the body where it also scatters; `absorption` is the short form of one that does not.
 
     Raises
     ------
     InvalidValueError
         Not numbers.
     SceneError
-        An index that is not above 0, a negative absorption, an alpha outside [0, 1].
+        An index that is not above 0, a negative absorption, an alpha outside [0, 1], an absorption beside a medium.
 
     Notes
     -----
@@ -49,13 +53,21 @@ class Dielectric:
     alpha: float = checked_field(as_fraction, default=0.0)
     absorption: Colour = checked_field(as_colour, default=0.0)
     exterior: float = checked_field(as_index, default=1.0)
+    medium: Medium | None = checked_field(as_medium, default=None)
+
+    def __post_init__(self) -> None:
+        if self.medium is not None and self.absorption != 0.0:
+            raise SceneError("the body has an absorption and a medium; give the absorption to the medium alone")
 
     def row(self) -> MaterialRow:
         """Row of the material's numbers; missing ones keep their default."""
+        medium = Medium(self.absorption) if self.medium is None else self.medium
         return MaterialRow(
             1.0,
             roughness=self.alpha,
-            absorption=self.absorption,
+            absorption=medium.absorption,
+            scattering=medium.scattering,
+            asymmetry=medium.phase.g,
             glass_index=(self.index, self.exterior),
             fresnel=True,
             specular=self.alpha < SMOOTH,

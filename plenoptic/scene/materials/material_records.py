@@ -49,6 +49,8 @@ class MaterialRow(NamedTuple):
     opacity: float | Texture = 1.0
     cutoff: float | None = None
     absorption: Colour = 0.0
+    scattering: Colour = 0.0
+    asymmetry: float = 0.0
     """1/mm, behind the front."""
     metal_index: Index = 0.0
     """n + i k; 0 where the reflectance does not depend on the angle."""
@@ -78,7 +80,7 @@ class MaterialRow(NamedTuple):
     @property
     def is_grey(self) -> bool:
         """True if red, green and blue are treated alike."""
-        return all(map(is_grey, (self.base_color, self.emission, self.absorption, self.metal_index)))
+        return all(map(is_grey, (self.base_color, self.emission, self.absorption, self.scattering, self.metal_index)))
 
     @property
     def textures(self) -> tuple[Texture, ...]:
@@ -113,6 +115,17 @@ class Bsdf(NamedTuple):
     columns at those of the cosine; then a column with means over the cosine-weighted hemisphere. Where there are clear
     coats, a column more for each row, with the means of what passes both layers. None where none is MetallicRoughness.
     """
+
+
+class Media(NamedTuple):
+    """Media that scatter: a row for each material, and a last one for the medium of the scene if it has one."""
+
+    scattering: Floats
+    """(rows, C), 1/mm."""
+    extinction: Floats
+    """(rows, C), 1/mm: absorption and scattering."""
+    asymmetry: Floats
+    """(rows,): g of Henyey and Greenstein."""
 
 
 class Emission(NamedTuple):

@@ -16,6 +16,7 @@ from plenoptic.scene.lights.environment import ConstantBackground, EnvironmentMa
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, Light
 from plenoptic.scene.materials.diffuse import Lambertian
 from plenoptic.scene.materials.emissive import Emissive
+from plenoptic.scene.materials.medium import Medium
 from plenoptic.scene.materials.registry import LAMBERTIAN, MATERIALS, Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.textures.color import Colour, mean_colour
@@ -28,11 +29,11 @@ _BLACK = Lambertian(0.0)
 T = TypeVar("T", bound=Material | Light)
 
 
-def _scene(meshes: Any, lights: Any, background: Any) -> Scene:
+def _scene(meshes: Any, lights: Any, background: Any, medium: Any = None) -> Scene:
     """A scene, black if it is empty."""
     if not meshes and not lights and background is None:
         background = 0.0
-    return Scene(meshes, lights, background)
+    return Scene(meshes, lights, background, medium=medium)
 
 
 def with_materials(scene: Scene, change: Callable[..., Material], **arguments: Any) -> Scene:
@@ -45,9 +46,21 @@ def with_materials(scene: Scene, change: Callable[..., Material], **arguments: A
     return dataclasses.replace(scene, meshes=tuple(meshes))
 
 
+def without_scattering(scene: Scene) -> Scene:
+    """Media that absorb only."""
+    bare = with_materials(scene, lambda material: _map_fields(material, _unscattered))
+    return dataclasses.replace(bare, medium=_unscattered("medium", scene.medium))
+
+
+def _unscattered(_: str, field: Any) -> Any:
+    return dataclasses.replace(field, scattering=0.0) if isinstance(field, Medium) else field
+
+
 def without_meshes(scene: Scene) -> Scene:
     """Only lights that are far away or points, which no ray meets."""
-    return _scene((), [light for light in scene.lights if not isinstance(light, AreaLight)], scene.background)
+    return _scene(
+        (), [light for light in scene.lights if not isinstance(light, AreaLight)], scene.background, scene.medium
+    )
 
 
 def without_instances(scene: Scene) -> Scene:
@@ -70,12 +83,16 @@ def without_emission(scene: Scene) -> Scene:
     dark = with_materials(scene, with_fields, emission=0.0, radiance=0.0)
     lamps = [light for light in scene.lights if isinstance(light, AreaLight)]
     bodies = [light.mesh().with_material(_BLACK) for light in lamps]
-    return _scene([*dark.meshes, *bodies], [light for light in scene.lights if light not in lamps], scene.background)
+    return _scene(
+        [*dark.meshes, *bodies], [light for light in scene.lights if light not in lamps], scene.background, scene.medium
+    )
 
 
 def without_world(scene: Scene) -> Scene:
     """A black world without suns."""
-    return _scene(scene.meshes, [light for light in scene.lights if not isinstance(light, DistantLight)], None)
+    return _scene(
+        scene.meshes, [light for light in scene.lights if not isinstance(light, DistantLight)], None, scene.medium
+    )
 
 
 def without_lights(scene: Scene) -> Scene:
@@ -131,6 +148,10 @@ def _grey(name: str, field: Any) -> Any:
     if isinstance(field, Texture) and name != "normal_map":
         mean = field.texels.mean(axis=2, keepdims=True, dtype=np.float64)
         return dataclasses.replace(field, texels=mean.astype(np.float32))
+    if isinstance(field, Medium):
+        return dataclasses.replace(
+            field, absorption=_grey("", field.absorption), scattering=_grey("", field.scattering)
+        )
     if isinstance(field, tuple) and len(field) == 3:
         return sum(field) / 3
     return field
@@ -145,5 +166,8 @@ def grey(scene: Scene) -> Scene:
     elif world is not None:
         world = ConstantBackground(_grey("radiance", world.radiance))
     return dataclasses.replace(
-        grey_meshes, lights=tuple(_map_fields(light, _grey) for light in scene.lights), background=world
+        grey_meshes,
+        lights=tuple(_map_fields(light, _grey) for light in scene.lights),
+        background=world,
+        medium=_grey("", scene.medium),
     )
