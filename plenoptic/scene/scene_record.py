@@ -158,13 +158,9 @@ def build_record(
         emitters = Emitters(geometry, exitance, instances, surfaces.triangle_mesh)
     boxes = [mesh.bounds for mesh in (*meshes, *shapes)]
     boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
+    drawn = bsdf is not None or media is not None
     emitter_record, pdf = lights_record(
-        lights,
-        emitters,
-        _sky(background, channels),
-        box_around(boxes),
-        channels,
-        drawn=bsdf is not None or media is not None,
+        lights, emitters, _sky(background, channels), box_around(boxes), channels, drawn=drawn
     )
     emission = None
     if emitters is not None:

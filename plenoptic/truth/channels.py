@@ -53,6 +53,8 @@ class Truth(enum.IntFlag):
     """Takes chief rays through all neighbouring microlenses; computed only if requested by name."""
     OPTICAL_DISTANCE = 8192
     """In air the length of the ray; computed only if requested by name."""
+    TRANSMITTANCE = 16384
+    """Of the media before the first hit; computed only if requested by name."""
 
 
 class PixelState(enum.IntEnum):
@@ -180,6 +182,9 @@ class GroundTruth:
         Fraction of the pixel's light that comes from `object` in a scene of uniform radiance: less than 1 at edges, out
         of focus, and behind layers of low opacity. From 64 paths or more, to within about 0.06; nan without a hit, or
         if none of 4096 paths arrives.
+    transmittance : (H, W, 3) array, optional
+        exp(-(absorption + scattering) t) in red, green and blue of the medium around the camera along the ray to the
+        first hit; 1 without a medium, nan without a hit.
 
     Raises
     ------
@@ -271,6 +276,10 @@ class GroundTruth:
     )
     object_share: Floats | None = _channel(
         Truth.OBJECT_SHARE, _MESHES, np.nan, "share of the pixel's light that comes from its object"
+    )
+
+    transmittance: Floats | None = _channel(
+        Truth.TRANSMITTANCE, _MESHES, np.nan, "share of light that the medium leaves up to the first hit", "RGB"
     )
 
     if TYPE_CHECKING:

@@ -17,7 +17,8 @@ _PRECISION = "computed in float64, rounded to float32 in this file; whole number
 def valid_truth(truth: Truth) -> Truth:
     """Return known flags of `truth`; InvalidValueError for another type."""
     check_kind(truth, "truth", Truth, "pl.Truth.DEPTH | pl.Truth.NORMAL")
-    return truth & (Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE)
+    by_name = Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE | Truth.TRANSMITTANCE
+    return truth & (Truth.ALL | by_name)
 
 
 def available_truth(truth: Truth, *, meshes: bool, microlenses: bool) -> Truth:

@@ -224,6 +224,21 @@ class PixelStages:
         assert geometry is not None
         numbers[self.hits.pixels] = geometry.triangle_material[self.hits.hits.triangle]
 
+    def fill_transmittance(self, shares: Floats) -> None:
+        """Fill the transmittances of the medium around the camera up to the hits."""
+        from plenoptic.scene.materials.alpha_mask import media_at
+
+        hits, scene = self.hits, self.hits.scene
+        shares[hits.pixels] = 1.0
+        if scene.absorption is None:
+            return
+        extinction = scene.absorption if scene.media is None else scene.media.extinction
+        place = np.zeros(3) if self._camera.position is None else self._camera.position
+        around = media_at(scene, self._intersector, place)
+        if (around >= 0).any():
+            innermost = extinction[around[around >= 0][-1]]
+            shares[hits.pixels] = np.exp(-hits.distance[:, np.newaxis] * innermost)
+
     def fill_microlens(self, indices: NDArray[np.int32]) -> None:
         """Fill the lattice indices of the microlenses; in FREE lattices (number, 0)."""
         indices[self._has_lens] = self.lenses[self._has_lens]

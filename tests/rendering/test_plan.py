@@ -83,6 +83,7 @@ def test_a_scene_runs_what_it_has():
         (pl.materials.ThinGlass(), {Stage.MATERIALS}),
         (pl.Dielectric(), {Stage.MATERIALS}),
         (pl.Dielectric(absorption=0.1), {Stage.MATERIALS, Stage.ABSORPTION}),
+        (pl.Dielectric(medium=pl.materials.milk()), {Stage.MATERIALS, Stage.ABSORPTION, Stage.MEDIA, Stage.COLOUR}),
         (pl.MetallicRoughness(), {Stage.MATERIALS}),
         (pl.MetallicRoughness(opacity=0.5), {Stage.MATERIALS, Stage.OPACITY}),
         (pl.MetallicRoughness(opacity=GREY_MAP), {Stage.MATERIALS, Stage.OPACITY, Stage.TEXTURES}),

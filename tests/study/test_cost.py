@@ -21,6 +21,8 @@ from plenoptic.study.cost.cost_study import Picture, cost_of, picture_change, sh
 
 CROP = np.s_[252:260, 252:260]
 
+MURKY = pl.materials.Medium(absorption=(0.2, 0.1, 0.1), scattering=0.1)
+
 
 def furnished_camera():
     """The reference camera with every part that a camera can have, posed."""
@@ -66,7 +68,7 @@ def furnished_scene(camera):
         *base.meshes,
         pl.quad((-3, -3, -390), (6, 0, 0), (0, 6, 0), material=curtain),
         pl.quad((-7, -3, -390), (3, 0, 0), (0, 6, 0), material=pl.materials.ThinGlass(transmittance=(0.8, 0.9, 0.9))),
-        pl.sphere(1.0, center=(2.0, 2.5, -398.0), material=pl.Dielectric(1.5, absorption=(0.2, 0.1, 0.1))),
+        pl.sphere(1.0, center=(2.0, 2.5, -398.0), material=pl.Dielectric(1.5, medium=MURKY)),
         pl.box(0.6, center=(-2.0, 2.5, -398.0), material=pl.Emissive(2.0)),
         pl.scene.Instances(pl.box(0.4), transforms),
     ]

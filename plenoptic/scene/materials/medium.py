@@ -80,8 +80,8 @@ class Medium:
 def pure_water() -> Medium:
     """Pure water at 600, 530 and 450 nm.
 
-    Absorption of R. M. Pope and E. S. Fry, Appl. Opt. 36, 8710 (1997), doi 10.1364/AO.36.008710, table 3; scattering after
-    A. Morel, in: Optical aspects of oceanography, 1974: 1.2e-4 / m at 1 um, with the power -4.24 of the wavelength.
+    Absorption of R. M. Pope and E. S. Fry, Appl. Opt. 36, 8710 (1997), doi 10.1364/AO.36.008710, table 3; scattering
+    after A. Morel, in: Optical aspects of oceanography, 1974: 1.2e-4 / m at 1 um, by the power -4.24 of wavelength.
     Molecules scatter forwards as much as backwards; the phase function is taken as uniform.
 
     Examples
@@ -118,9 +118,9 @@ def fog(visibility: float, *, g: float = 0.85) -> Medium:
 
 
 def milk() -> Medium:
-    """Whole milk, with the reduced scattering of H. W. Jensen et al., SIGGRAPH 2001, doi 10.1145/383259.383319, figure 5.
+    """Whole milk, with the reduced scattering of H. W. Jensen et al., SIGGRAPH 2001.
 
-    Reduced coefficients are those of the uniform phase function that spreads light as far.
+    Figure 5 of doi 10.1145/383259.383319. Reduced coefficients are those for a uniform phase function.
 
     Examples
     --------
@@ -135,6 +135,6 @@ def as_medium(medium: Any, name: str) -> Medium | None:
     """A medium or None."""
     if medium is not None and not isinstance(medium, Medium):
         raise InvalidValueError(
-            f"{name} is {type(medium).__name__}; it must be a medium such as pl.materials.Medium(scattering=1e-3), or None"
+            f"{name} is {type(medium).__name__}; it must be pl.materials.Medium(scattering=1e-3) or None"
         )
     return medium

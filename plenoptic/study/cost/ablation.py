@@ -146,7 +146,7 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.BACKGROUND: ("a black world", _scene(scene_ablation.without_world)),
     Stage.SCATTERING: ("0 bounces", _set("settings.max_bounces", 0)),
     Stage.MATERIALS: ("Lambertian surfaces", _materials(scene_ablation.as_lambertian)),
-    Stage.ABSORPTION: ("clear glass", _materials(_field, absorption=0.0)),
+    Stage.ABSORPTION: ("clear media", _scene(scene_ablation.without_media)),
     Stage.MEDIA: ("media that do not scatter", _scene(scene_ablation.without_scattering)),
     Stage.DIRECT_LIGHT: ("no lights but a constant world", _scene(scene_ablation.without_lights)),
     Stage.ONWARD_RAYS: ("one bounce", _one_bounce),

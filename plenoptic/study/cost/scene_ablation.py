@@ -46,6 +46,12 @@ def with_materials(scene: Scene, change: Callable[..., Material], **arguments: A
     return dataclasses.replace(scene, meshes=tuple(meshes))
 
 
+def without_media(scene: Scene) -> Scene:
+    """Nothing between surfaces."""
+    clear = with_materials(scene, with_fields, absorption=0.0, medium=None)
+    return dataclasses.replace(clear, medium=None)
+
+
 def without_scattering(scene: Scene) -> Scene:
     """Media that absorb only."""
     bare = with_materials(scene, lambda material: _map_fields(material, _unscattered))
