@@ -234,9 +234,9 @@ class PixelStages:
             return
         extinction = scene.absorption if scene.media is None else scene.media.extinction
         place = np.zeros(3) if self._camera.position is None else self._camera.position
-        around = media_at(scene, self._intersector, place)
-        if (around >= 0).any():
-            innermost = extinction[around[around >= 0][-1]]
+        bodies = media_at(scene, self._intersector, place)
+        if (bodies >= 0).any():
+            innermost = extinction[bodies[bodies >= 0][-1]]
             shares[hits.pixels] = np.exp(-hits.distance[:, np.newaxis] * innermost)
 
     def fill_microlens(self, indices: NDArray[np.int32]) -> None:

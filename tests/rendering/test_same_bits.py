@@ -8,7 +8,8 @@ import pytest
 import plenoptic as pl
 from plenoptic.rendering.schedule import tile_jobs
 
-EVERYTHING = pl.Truth.ALL | pl.Truth.OBJECT_SHARE | pl.Truth.CHORD_DISPARITY | pl.Truth.OPTICAL_DISTANCE
+BY_NAME = pl.Truth.OBJECT_SHARE | pl.Truth.CHORD_DISPARITY | pl.Truth.OPTICAL_DISTANCE | pl.Truth.TRANSMITTANCE
+EVERYTHING = pl.Truth.ALL | BY_NAME
 LENS = pl.load_lens("double-gauss-100mm-f2")
 VIEWS = [None, ((0, 0, 0), (-1, 0, 0), (0, 0, 1)), ((0, 0, 0), (0, 1, -0.3), (1, 0, 0))]
 

@@ -21,7 +21,8 @@ CAMERA = pl.PlenopticCamera(pl.load_lens("double-gauss-100mm-f2"), pl.Sensor((40
 def truth():
     """All channels, with numbers beyond the precision of float32, nan and void values."""
     random = np.random.default_rng(5)
-    arrays = empty_truth(Truth.ALL | Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE, SHAPE)
+    by_name = Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE | Truth.TRANSMITTANCE
+    arrays = empty_truth(Truth.ALL | by_name, SHAPE)
     for array in arrays.values():
         seen, whole = random.random(array.shape) < 0.7, array.dtype.kind == "i"
         array[seen] = random.integers(-(2**31), 2**31 - 1, seen.sum()) if whole else random.random(seen.sum())

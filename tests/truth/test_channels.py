@@ -23,7 +23,7 @@ def everything(rows=2, columns=3):
 def test_all_is_everything_and_each_array_has_a_kind_of_it():
     union = reduce(operator.or_, (kind.flag for kind in CHANNELS.values()))
     single_flags = [flag for flag in Truth if flag.value.bit_count() == 1]  # before Python 3.11 ALL is one of them too
-    by_name = Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE
+    by_name = Truth.OBJECT_SHARE | Truth.CHORD_DISPARITY | Truth.OPTICAL_DISTANCE | Truth.TRANSMITTANCE
     assert union == Truth.ALL | by_name == Truth(sum(single_flags))
     assert not Truth.ALL & by_name  # many rays a pixel, and what is known in air, for those who ask
     # Requested arrays are made.

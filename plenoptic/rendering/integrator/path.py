@@ -24,7 +24,7 @@ from plenoptic.scene.lights.light_records import DELTA, DrawnLights
 from plenoptic.scene.materials.alpha_mask import NESTED, SALTS, attenuate_shadows, media_at, no_hits, skip_transparent
 
 if TYPE_CHECKING:
-    from plenoptic.rendering.integrator.media import MediumStage
+    from plenoptic.rendering.integrator.medium_stage import MediumStage
     from plenoptic.rendering.integrator.moving_paths import MovingPaths
 
 
@@ -77,7 +77,7 @@ class PathIntegrator:
             self._glass_index = np.zeros((len(scene.absorption), 2)) if glass is None else glass
         self._medium_stage: MediumStage | None = None
         if plan.runs(Stage.MEDIA):
-            from plenoptic.rendering.integrator.media import MediumStage
+            from plenoptic.rendering.integrator.medium_stage import MediumStage
 
             self._medium_stage = MediumStage(scene, self._glass_index, capacity, channels)
         if scene.emission is not None:
@@ -202,7 +202,9 @@ class PathIntegrator:
             n_rays = self._scatter_at_surfaces(radiance, hits, bounce, wavelengths, observer)
         if self._medium_stage is not None:
             if self._lights:
-                self._add_unblocked(radiance, self._medium_stage.draw_lights(self._shadow, self._queue, wavelengths))
+                self._add_visible_lights(
+                    radiance, self._medium_stage.draw_lights(self._shadow, self._queue, wavelengths)
+                )
             if self._traces_scattered:
                 n_rays = self._medium_stage.scatter(
                     self._next_queue, n_rays, self._queue, russian_roulette=bounce >= ROULETTE
@@ -235,9 +237,9 @@ class PathIntegrator:
     ) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the sampled lights that are not occluded; return the shadow rays, and a mask of the blocked ones."""
         count = self._eval_direct(self._shadow, interactions, drawn, self._queue, self.scene.bsdf, wavelengths)
-        return self._add_unblocked(radiance, count)
+        return self._add_visible_lights(radiance, count)
 
-    def _add_unblocked(self, radiance: Floats, count: int) -> tuple[ShadowRays, NDArray[np.uint8]]:
+    def _add_visible_lights(self, radiance: Floats, count: int) -> tuple[ShadowRays, NDArray[np.uint8]]:
         """Add the light of the first `count` shadow rays that are not occluded; return these, and a mask."""
         scene = self.scene
         shadow, blocked = self._shadow.first(count), self._blocked[:count]

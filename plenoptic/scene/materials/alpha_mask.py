@@ -78,8 +78,8 @@ def media_at(scene: SceneRecord, intersector: Intersector | None, point: Floats)
     Those are the bodies that a ray from there leaves without having entered them, and around all the scene's medium.
     """
     media = np.full(NESTED, -1, dtype=np.int32)
-    around = [] if scene.surrounding is None else [scene.surrounding]
-    media[: len(around)] = around
+    outer = [] if scene.surrounding is None else [scene.surrounding]
+    media[: len(outer)] = outer
     glass, geometry = None if scene.bsdf is None else scene.bsdf.glass_index, scene.geometry
     if glass is None or geometry is None or intersector is None:
         return media
@@ -103,7 +103,7 @@ def media_at(scene: SceneRecord, intersector: Intersector | None, point: Floats)
         fill_distances(reached, hits, ray, geometry)
         step = float(reached[0]) if np.isfinite(reached[0]) else 0.0
         ray[0, :3] += (step + 1e-5 * (step + np.abs(ray[0, :3]).max())) * ray[0, 3:]
-    outermost_first = [*around, *left[::-1]][:NESTED]
+    outermost_first = [*outer, *left[::-1]][:NESTED]
     media[: len(outermost_first)] = outermost_first
     return media
 

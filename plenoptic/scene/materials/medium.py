@@ -66,7 +66,7 @@ class Medium:
     --------
     >>> import plenoptic as pl
     >>> pl.materials.Medium(absorption=1e-4, scattering=(1e-3, 2e-3, 3e-3))
-    Medium(absorption=0.0001, scattering=(0.001, 0.002, 0.003), phase=HenyeyGreenstein(g=0.0))
+    Medium(absorption=0.0001, scattering=(0.001, 0.002, 0.003))
     """
 
     absorption: Colour = checked_field(as_colour, default=0.0)

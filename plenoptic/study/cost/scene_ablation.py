@@ -54,11 +54,11 @@ def without_media(scene: Scene) -> Scene:
 
 def without_scattering(scene: Scene) -> Scene:
     """Media that absorb only."""
-    bare = with_materials(scene, lambda material: _map_fields(material, _unscattered))
-    return dataclasses.replace(bare, medium=_unscattered("medium", scene.medium))
+    bare = with_materials(scene, lambda material: _map_fields(material, _no_scattering))
+    return dataclasses.replace(bare, medium=_no_scattering("medium", scene.medium))
 
 
-def _unscattered(_: str, field: Any) -> Any:
+def _no_scattering(_: str, field: Any) -> Any:
     return dataclasses.replace(field, scattering=0.0) if isinstance(field, Medium) else field
 
 

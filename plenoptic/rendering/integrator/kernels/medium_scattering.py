@@ -138,7 +138,7 @@ def fill_medium_lights(shadow, vertices, drawn, queue, media, wavelengths):
         ray, path = vertices.ray[i], vertices.path[i]
         inside = innermost(queue.media[ray])
         place = row_vector(rows, i, POINT)
-        way = sub(row_vector(lights, i, END), place)
+        to_light = sub(row_vector(lights, i, END), place)
         brightest = 0.0
         for c in range(radiance.shape[1]):
             brightest = max(brightest, radiance[i, c])
@@ -147,7 +147,7 @@ def fill_medium_lights(shadow, vertices, drawn, queue, media, wavelengths):
         pdf = phase(dot(row_vector(queue.rays, ray, 3), row_vector(lights, i, DIRECTION)), asymmetry[inside])
         factor = pdf if lights[i, PDF] < 0.0 else pdf * weight(lights[i, PDF], pdf)
         wave = wavelength_index(waves, path)
-        distance = math.sqrt(dot(way, way))
+        distance = math.sqrt(dot(to_light, to_light))
         brightest = 0.0
         for c in range(radiance.shape[1]):
             left = math.exp(-distance * row_channel(extinction, inside, c, basis, wave))
@@ -155,7 +155,7 @@ def fill_medium_lights(shadow, vertices, drawn, queue, media, wavelengths):
             brightest = max(brightest, shadow_radiance[count, c])
         if brightest > 0.0:
             fill_vector(shadow_rays, count, 0, place)
-            fill_vector(shadow_rays, count, 3, way)
+            fill_vector(shadow_rays, count, 3, to_light)
             shadow_path[count] = path
             count += 1
     return count

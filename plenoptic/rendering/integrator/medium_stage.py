@@ -6,7 +6,7 @@ import numpy as np
 
 from plenoptic.core.kernels import sobol
 from plenoptic.core.values import Floats
-from plenoptic.rendering.integrator.kernels import media as kernels
+from plenoptic.rendering.integrator.kernels import medium_scattering as kernels
 from plenoptic.rendering.integrator.ray_queue import RayQueue, ShadowRays, Wavelengths
 from plenoptic.scene.geometry.geometry_records import INTERACTION_COLUMNS, Hits, Interactions, PathKeys
 from plenoptic.scene.lights.kernels.sample_emitters import sample_emitters
