@@ -50,13 +50,17 @@ def theirs(scene, camera, *, samples, seeds=16, max_bounces=8):
 def described_scene(scene, camera, *, max_bounces):
     """All of a scene as `mitsuba.load_dict` takes it."""
     materials = [mesh.material for mesh in scene.meshes if isinstance(mesh, pl.Mesh)]
-    absorbs = any(np.any(material.absorption) for material in materials if isinstance(material, pl.Dielectric))
+    glass = [material for material in materials if isinstance(material, pl.Dielectric)]
+    absorbs = scene.medium is not None or any(np.any(one.absorption) or one.medium is not None for one in glass)
     parts = {
         "type": "scene",
         # Mitsuba counts the parts of a path, of which there is one more than bounces. No Russian roulette.
-        "integrator": {"type": "volpath" if absorbs else "path", "max_depth": max_bounces + 1, "rr_depth": 1 << 20},
+        "integrator": {"type": "volpathmis" if absorbs else "path", "max_depth": max_bounces + 1, "rr_depth": 1 << 20},
         "sensor": described_camera(camera),
     }
+    if scene.medium is not None:
+        parts["fog"] = described_medium(scene.medium)
+        parts["sensor"]["medium"] = {"type": "ref", "id": "fog"}
     for i, mesh in enumerate((*scene.meshes, *scene.lights)):
         for k, part in enumerate(described(mesh)):
             parts[f"part_{i}_{k}"] = part
@@ -155,8 +159,10 @@ def _mesh(mesh, material, emitter=None):
     properties["mesh_bsdf"] = mi.load_dict(material)
     if emitter is not None:
         properties["mesh_emitter"] = mi.load_dict(emitter)
-    if isinstance(mesh.material, pl.Dielectric) and np.any(mesh.material.absorption):
-        properties["interior"] = mi.load_dict(_absorbing(mesh.material.absorption))
+    if isinstance(mesh.material, pl.Dielectric) and mesh.material.medium is not None:
+        properties["interior"] = mi.load_dict(described_medium(mesh.material.medium))
+    elif isinstance(mesh.material, pl.Dielectric) and np.any(mesh.material.absorption):
+        properties["interior"] = mi.load_dict(described_medium(pl.materials.Medium(mesh.material.absorption)))
     given = {"has_vertex_normals": mesh.normals is not None, "has_vertex_texcoords": mesh.uv is not None}
     made = mi.Mesh(mesh.name or "mesh", len(mesh.vertices), len(mesh.faces), props=properties, **given)
     arrays = mi.traverse(made)
@@ -217,8 +223,12 @@ def _described_conductor(material):
     return {**kind, "eta": colour(index.real), "k": colour(index.imag)}
 
 
-def _absorbing(absorption):
-    return {"type": "homogeneous", "sigma_t": colour(absorption), "albedo": colour(0.0)}
+def described_medium(medium):
+    extinction = np.broadcast_to(medium.absorption, 3) + np.broadcast_to(medium.scattering, 3)
+    albedo = np.broadcast_to(medium.scattering, 3) / np.where(extinction > 0, extinction, 1.0)
+    phase = {"type": "hg", "g": medium.phase.g}
+    coefficients = {"sigma_t": colour(tuple(extinction)), "albedo": colour(tuple(albedo))}
+    return {"type": "homogeneous", **coefficients, "phase": phase}
 
 
 def described_background(background):

@@ -129,6 +129,36 @@ def coloured_glass():
     return pl.Scene([blue, grey, wall(0.7), floor(0.7)], [large_lamp()], background=0.5)
 
 
+def _in_medium(medium, *meshes, lights):
+    return pl.Scene([*meshes, wall(), floor()], lights, medium=medium)
+
+
+def fog():
+    """A lamp in a coloured medium that scatters backwards a little."""
+    medium = pl.materials.Medium(0.0005, (0.0005, 0.001, 0.002), pl.materials.HenyeyGreenstein(-0.5))
+    return _in_medium(medium, tilted_box(5, (-5, -3, 2), pl.Lambertian(0.7)), lights=[large_lamp()])
+
+
+def haze():
+    """Strongly forwards, with a ball of light in the medium."""
+    medium = pl.materials.Medium((0.001, 0.0005, 0.0), 0.002, pl.materials.HenyeyGreenstein(0.9))
+    light = pl.lights.SphereLight((4.0, 6.0, 4.0), 2.0, radiance=20.0)
+    return _in_medium(medium, tilted_box(5, (-5, -3, 2), pl.Lambertian(0.7)), lights=[light])
+
+
+def cloud():
+    """A body of index 1 that light from outside enters."""
+    medium = pl.materials.Medium(0.01, (0.1, 0.2, 0.3), pl.materials.HenyeyGreenstein(0.6))
+    body = tilted_box(8, (0, -2, 0), pl.Dielectric(1.0, medium=medium))
+    return pl.Scene([body, wall(), floor()], [large_lamp()], background=0.5)
+
+
+def murky_glass():
+    """A body of glass with a medium in it."""
+    medium = pl.materials.Medium((0.05, 0.02, 0.01), 0.15)
+    return pl.Scene([tilted_box(8, (0, -2, 0), pl.Dielectric(1.3, medium=medium)), wall(), floor()], background=1.0)
+
+
 def frosted_glass():
     plate = tilted_box((10, 10, 2), (-5, 0, 3), pl.Dielectric(1.5, alpha=0.15), turn=(20, 15))
     block = tilted_box((7, 7, 4), (7, -2, 3), pl.Dielectric(1.33, alpha=0.3), turn=(-30, 10))
@@ -238,4 +268,5 @@ def objects():
 SCENES = (
     *(lambertian_bodies, open_box, mirrors, metals, glass, coloured_glass, frosted_glass, small_lights, round_lights),
     *(environment, textured, layers, copies, many_lights),
+    *(fog, haze, cloud, murky_glass),
 )
