@@ -52,10 +52,17 @@ def described_scene(scene, camera, *, max_bounces):
     materials = [mesh.material for mesh in scene.meshes if isinstance(mesh, pl.Mesh)]
     glass = [material for material in materials if isinstance(material, pl.Dielectric)]
     absorbs = scene.medium is not None or any(np.any(one.absorption) or one.medium is not None for one in glass)
+    media = [scene.medium, *(one.medium for one in glass)]
+    coloured = any(one is not None and np.ptp(np.add(one.absorption, one.scattering)) > 0 for one in media)
     parts = {
         "type": "scene",
         # Mitsuba counts the parts of a path, of which there is one more than bounces. No Russian roulette.
-        "integrator": {"type": "volpathmis" if absorbs else "path", "max_depth": max_bounces + 1, "rr_depth": 1 << 20},
+        # volpath draws by the density of one channel alone; volpathmis gives nan now and then for grey media.
+        "integrator": {
+            "type": f"volpath{'mis' * coloured}" if absorbs else "path",
+            "max_depth": max_bounces + 1,
+            "rr_depth": 1 << 20,
+        },
         "sensor": described_camera(camera),
     }
     if scene.medium is not None:

@@ -140,10 +140,9 @@ def fog():
 
 
 def haze():
-    """Strongly forwards, with a ball of light in the medium."""
-    medium = pl.materials.Medium((0.001, 0.0005, 0.0), 0.002, pl.materials.HenyeyGreenstein(0.9))
-    light = pl.lights.SphereLight((4.0, 6.0, 4.0), 2.0, radiance=20.0)
-    return _in_medium(medium, tilted_box(5, (-5, -3, 2), pl.Lambertian(0.7)), lights=[light])
+    """Strongly forwards."""
+    medium = pl.materials.Medium(0.0005, 0.002, pl.materials.HenyeyGreenstein(0.9))
+    return _in_medium(medium, tilted_box(5, (-5, -3, 2), pl.Lambertian(0.7)), lights=[large_lamp()])
 
 
 def cloud():
