@@ -71,6 +71,7 @@ from .optics.surfaces.surface import Surface as Surface
 from .rendering.estimation.estimate import estimate as estimate
 from .rendering.exposure import Exposure as Exposure
 from .rendering.plan.plan import plan as plan
+from .rendering.points.point_weights import point_weights as point_weights
 from .rendering.render import render as render
 from .rendering.render import render_white as render_white
 from .rendering.warm_up import warm_up as warm_up
@@ -86,6 +87,7 @@ from .scene.materials.dielectric import Dielectric as Dielectric
 from .scene.materials.diffuse import Lambertian as Lambertian
 from .scene.materials.emissive import Emissive as Emissive
 from .scene.materials.metallic_roughness import MetallicRoughness as MetallicRoughness
+from .scene.points import Points as Points
 from .scene.scene import Scene as Scene
 from .scene.shapes.procedural import box as box
 from .scene.shapes.procedural import check_scene as check_scene

@@ -5,6 +5,8 @@ from .film import Film as Film
 from .plan.stages import Decision as Decision
 from .plan.stages import Plan as Plan
 from .plan.stages import Stage as Stage
+from .points.point_weights import PointWeights as PointWeights
+from .points.point_weights import point_weights as point_weights
 from .render import render_white as render_white
 from .settings import Caustics as Caustics
 from .settings import RenderSettings as RenderSettings

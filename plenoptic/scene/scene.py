@@ -23,6 +23,7 @@ from plenoptic.scene.lights.environment import Background, ConstantBackground, E
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, DistantLight, Light
 from plenoptic.scene.materials.medium import Medium, as_medium
 from plenoptic.scene.materials.registry import Material
+from plenoptic.scene.points import Points
 from plenoptic.scene.scene_record import SceneRecord, box_around, build_record
 from plenoptic.scene.textures.color import Colour
 
@@ -45,13 +46,15 @@ class Scene:
         Cameras of the file that the scene comes from, for `camera.posed`. They are no part of the image.
     medium : Medium, optional
         Medium outside all bodies, from the lens on; lights from infinity do not shine through it.
+    points : Points, optional
+        Particles, whose light is added to the image; surfaces hide them, and are not lit by them.
 
     Raises
     ------
     InvalidValueError
-        Something that is not a mesh, a light or a background.
+        Something that is not a mesh, a light, a background or particles.
     SceneError
-        No mesh, no light and no background; a medium without bound under the sun or a background.
+        No mesh, no light, no background and no points; a medium without bound under the sun or a background.
 
     Examples
     --------
@@ -69,6 +72,7 @@ class Scene:
     background: Given[Background | None, Background | Colour | None] = Given(default=None)
     views: Given[tuple[View, ...], Iterable[View]] = Given(default=())
     medium: Medium | None = None
+    points: Points | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
@@ -80,7 +84,9 @@ class Scene:
                     f"background is an array of shape {np.shape(self.background)}; give an image as pl.EnvironmentMap"
                 )
             set_field(self, "background", ConstantBackground(self.background))
-        if not self.meshes and not self.lights and self.background is None:
+        if self.points is not None:
+            check_kind(self.points, "points", Points, "pl.Points(positions, intensity=1.0)")
+        elif not self.has_surfaces_or_light:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
         as_medium(self.medium, "medium")
         dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
@@ -90,6 +96,11 @@ class Scene:
                 "the scene has a medium without bound under the sun or a background, of which no light arrives; "
                 "bound it by a body of pl.Dielectric(1.0, medium=...), or light it by lamps"
             )
+
+    @property
+    def has_surfaces_or_light(self) -> bool:
+        """True if the scene has a mesh, a light or a background, besides `points`."""
+        return bool(self.meshes or self.lights) or self.background is not None
 
     def __repr__(self) -> str:
         triangles = sum(len(part.mesh.faces if isinstance(part, Instances) else part.faces) for part in self.meshes)
@@ -105,6 +116,7 @@ class Scene:
             world,
             _count(len(self.views), "view", "views"),
             "" if self.medium is None else "a medium",
+            "" if self.points is None else _count(len(self.points), "particle", "particles"),
         ]
         return f"Scene({', '.join(part for part in parts if part)})"
 
@@ -143,7 +155,7 @@ class Scene:
 
     @property
     def bounds(self) -> Floats | None:
-        """(2, 3), mm: the lowest and the highest corner of all meshes and lights; None where there is neither.
+        """(2, 3), mm: the lowest and the highest corner of all meshes, lights and particles; None without any.
 
         Examples
         --------
@@ -152,7 +164,8 @@ class Scene:
         [[-200.0, -200.0, -404.0], [200.0, 200.0, -404.0]]
         """
         shapes = [light.mesh() for light in self.lights if isinstance(light, AreaLight)]
-        return box_around([mesh.bounds for mesh in (*self.meshes, *shapes)])
+        points = () if self.points is None else (self.points,)
+        return box_around([part.bounds for part in (*self.meshes, *shapes, *points)])
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -181,7 +194,7 @@ class Scene:
         Raises
         ------
         SceneError
-            Both have a background, and not the same.
+            Both have a background, and not the same; or both have particles.
 
         Examples
         --------
@@ -198,23 +211,27 @@ class Scene:
             )
         if self.medium is not None and other.medium is not None and self.medium != other.medium:
             raise SceneError("the scenes have different media; remove one by dataclasses.replace(scene, medium=None)")
+        if self.points is not None and other.points is not None:
+            raise SceneError("both scenes have points; join their positions in one pl.Points")
         return Scene(
             self.meshes + other.meshes,
             self.lights + other.lights,
             other.background if self.background is None else self.background,
             self.views + other.views,
             other.medium if self.medium is None else self.medium,
+            other.points if self.points is None else self.points,
         )
 
     def transformed(self, matrix: ArrayLike) -> Scene:
-        """The scene moved by an affine map, p' = M p: meshes, lights, views and the environment.
+        """The scene moved by an affine map, p' = M p: meshes, lights, views, particles and the environment.
 
         Radiance and irradiance stay as they are: intensities of points and spots grow with the square of the scale.
 
         Parameters
         ----------
         matrix : (4, 4) array
-            For column vectors, lengths in mm. With lights, views or an environment map, it must not stretch or shear.
+            For column vectors, lengths in mm. With lights, views, particles or an environment map, it must not stretch
+            or shear.
 
         Raises
         ------
@@ -238,7 +255,8 @@ class Scene:
         """
         meshes = tuple(mesh.transformed(matrix) for mesh in self.meshes)
         world = self.background
-        if not self.lights and not self.views and not isinstance(world, EnvironmentMap):
+        points = None if self.points is None else self.points.transformed(matrix)
+        if not self.lights and not self.views and points is None and not isinstance(world, EnvironmentMap):
             return dataclasses.replace(self, meshes=meshes)
         full, scale = similarity(matrix)
         return Scene(
@@ -247,6 +265,7 @@ class Scene:
             world.moved(full, scale) if isinstance(world, EnvironmentMap) else world,
             tuple(view.moved(full) for view in self.views),
             self.medium,
+            points,
         )
 
     def with_lights(self, lights: Iterable[Light]) -> Scene:

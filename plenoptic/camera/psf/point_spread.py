@@ -139,15 +139,20 @@ def landing_points(
     return LandingPoints(position, rows["weight"] / rays_per_replicate, source, microlens, index)
 
 
-def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
-    """Points (n, 3) in the world, and True if the argument is an array of points."""
-    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
+def check_focusing(camera: PlenopticCamera) -> None:
+    """Raise an InvalidValueError for microlenses through which no light of a point passes."""
     array = camera.microlenses
     if array is not None and not array.model.focuses:
         raise InvalidValueError(
             f"the microlenses have the model {array.model.name}, and no ray from a point meets a hole without extent; "
             "render a small emitter instead, or choose THIN"
         )
+
+
+def _checked_points(camera: PlenopticCamera, points: ArrayLike) -> tuple[Floats, bool]:
+    """Points (n, 3) in the world, and True if the argument is an array of points."""
+    check_has(camera, "camera", "PlenopticCamera", "pl.PlenopticCamera(...)", "lens", "sensor")
+    check_focusing(camera)
     world, is_batch = world_points(points)
     if not len(world):
         raise InvalidValueError("points is empty; give at least one point (x, y, z) in mm")

@@ -222,7 +222,7 @@ def diffraction_record(camera: PlenopticCamera) -> ForwardRecord:
     return record._replace(deflection=deflection)
 
 
-def _fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
+def fill_losses_behind_array(blocks: Floats, aims: Floats, record: ForwardRecord) -> None:
     """Attenuate rays at the sensor as the renderer attenuates samples before the array; `aims` is a workspace."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
     from plenoptic.optics.microlens.kernels.to_sensor import fill_aims
@@ -291,7 +291,7 @@ def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedR
             source_rays.fill_iris_deflections(bundle, start, n, seed, task, record.iris)
         fill_to_sensor(bundle, record)
         if record.has_losses_before_array:
-            _fill_losses_behind_array(bundle, aims[: bundle.size], record)
+            fill_losses_behind_array(bundle, aims[: bundle.size], record)
         if record.deflection is not None:
             source_rays.fill_deflections(bundle, start, n, seed, task, record.deflection)
         fill_status_counts(counts, bundle, n)

@@ -89,6 +89,10 @@ class RenderSetup(NamedTuple):
 def run(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
     """Render a subject; see `render`."""
     begin = time.perf_counter(), time.process_time()
+    if subject.scene is not None and not subject.scene.has_surfaces_or_light:
+        from plenoptic.rendering.points.points_exposure import exposure_of_points
+
+        return exposure_of_points(subject, budget, options)
     with ProgressBar(begin[0], show=flag(options.progress, "progress")) as bar, contextlib.ExitStack() as files:
         setup = _set_up(subject, budget, options, begin, files)
         _begin(setup, subject, budget, bar)
@@ -96,6 +100,10 @@ def run(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
         region = None if options.region is None else setup.region
         made = setup.progress, subject, region, setup.seed, setup.workers, setup.conditioning
         shot = exposure_of(*made, interrupted=interrupted)
+        if subject.scene is not None and subject.scene.points is not None:
+            from plenoptic.rendering.points.points_exposure import add_points
+
+            shot = add_points(shot, subject.scene, budget, setup.workers)
         _warn(setup, subject, shot, interrupted=interrupted)
         return shot
 
@@ -115,9 +123,10 @@ def _set_up(
         whole(options.conditioning, "conditioning", at_least=1, at_most=_MAX_CONDITIONED)
     context = render_context(subject, seed)
     budget = budget._replace(with_core=context.plan.runs(Stage.UNVIGNETTED_CORE))
-    if dark := context.scene is not None and is_dark(context.scene):
-        assert subject.scene is not None
-        cause = "no light of the scene emits" if subject.scene.lights else "nothing in the scene emits light"
+    scene = subject.scene
+    if dark := context.scene is not None and is_dark(context.scene) and (scene is None or scene.points is None):
+        assert scene is not None
+        cause = "no light of the scene emits" if scene.lights else "nothing in the scene emits light"
         warn(f"{cause}, and the image will be black; give it lights=[...] above 0 or a background=", BlackImageWarning)
     meshes, microlenses = context.intersector is not None, camera.microlenses is not None
     available = available_truth(subject.truth, meshes=meshes, microlenses=microlenses)

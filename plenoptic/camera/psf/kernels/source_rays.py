@@ -78,30 +78,41 @@ def fill_rays_of_points(blocks, first, n, points, each, z, ideal, facing):
     pad(blocks, n)
 
 
+@device
+def deflect_on_sensor(ray, j, index, key, deflection):
+    """Displace ray j of a block on the sensor by diffraction at its microlens, by the point `index` of a set."""
+    to_sensor_axes = deflection.to_sensor_axes
+    by_x, by_y, _, _ = sample_deflection(deflection.field, sample(index, 0, key), sample(index, 1, key))
+    h = deflection.distance + deflection.tilt[0] * ray[X + j] + deflection.tilt[1] * ray[Y + j]
+    ray[X + j] += h * (to_sensor_axes[0, 0] * by_x + to_sensor_axes[0, 1] * by_y)
+    ray[Y + j] += h * (to_sensor_axes[1, 0] * by_x + to_sensor_axes[1, 1] * by_y)
+
+
+@device
+def deflect_at_iris(ray, j, index, key, iris):
+    """Deflect ray j of a block at the entrance pupil, by the point `index` of a set."""
+    wavelength = iris.wavelengths[0]
+    by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
+    deflect_at_pupil(ray, j, iris.z, (wavelength * by_x, wavelength * by_y))
+
+
 @kernel
 def fill_deflections(blocks, start, n, seed, task, deflection):
     """Displace rays start ... start + n - 1 of a `RayTask` on the sensor by diffraction at their microlenses."""
     key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
-    to_sensor_axes = deflection.to_sensor_axes
     for k in range(n):
-        base = (k // BLOCK) * RAY + k % BLOCK
         index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
-        by_x, by_y, _, _ = sample_deflection(deflection.field, sample(index, 0, key), sample(index, 1, key))
-        h = deflection.distance + deflection.tilt[0] * blocks[base + X] + deflection.tilt[1] * blocks[base + Y]
-        blocks[base + X] += h * (to_sensor_axes[0, 0] * by_x + to_sensor_axes[0, 1] * by_y)
-        blocks[base + Y] += h * (to_sensor_axes[1, 0] * by_x + to_sensor_axes[1, 1] * by_y)
+        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
+        deflect_on_sensor(ray, k % BLOCK, index, key, deflection)
 
 
 @kernel
 def fill_iris_deflections(blocks, start, n, seed, task, iris):
     """Deflect rays start ... start + n - 1 of a `RayTask` at the entrance pupil."""
     key = set_key(stream(seed, task.number, task.replicate), DEFLECTION_SET)
-    wavelength = iris.wavelengths[0]
     for k in range(n):
         index = set_index(np.uint32(task.first + start + k), key, DEFLECTION_SET)
-        by_x, by_y, _, _ = sample_deflection(iris.field, sample(index, 2, key), sample(index, 3, key))
-        ray = blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY]
-        deflect_at_pupil(ray, k % BLOCK, iris.z, (wavelength * by_x, wavelength * by_y))
+        deflect_at_iris(blocks[(k // BLOCK) * RAY : (k // BLOCK + 1) * RAY], k % BLOCK, index, key, iris)
 
 
 @kernel

@@ -1,0 +1,1 @@
+"""Images of particles, by rays from each one to the sensor."""

@@ -1,0 +1,308 @@
+"""Light of particles on the sensor: rays of many particles are traced together, and summed over pixels."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.points.projection import occlusion_of_points
+from plenoptic.camera.psf.sensor_hits import (
+    BUNDLE,
+    ForwardRecord,
+    diffraction_record,
+    fill_losses_behind_array,
+    fill_to_sensor,
+    in_lens_axes,
+)
+from plenoptic.core.color.spectra import colour_tables
+from plenoptic.core.parallel import run_in_order
+from plenoptic.core.values import Floats
+from plenoptic.errors import SceneError
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
+from plenoptic.scene.points import Points
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.cache import PreparedScene
+    from plenoptic.scene.scene import Scene
+
+REPLICATES = 8
+"""Independent scramblings of the rays of a particle, from whose variance the standard error follows."""
+MAX_RAYS = 1 << 18
+"""Largest number of rays of a particle."""
+_WAVELENGTHS = 16
+"""Wavelengths at which a camera with a spectral sensitivity is traced."""
+_LEAST_RAYS, _PILOT = 128, 64
+"""Least number of rays of a particle, and number of particles from whose errors it is chosen."""
+_POINTS, _TASK_RAYS = 1024, 1 << 19
+"""Largest number of particles, and of rays, of one task."""
+
+
+class Passband(NamedTuple):
+    """Record of a camera at one wavelength, and the weights of the light there."""
+
+    record: ForwardRecord
+    weights: Floats
+    """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
+
+
+class ParticleBatch(NamedTuple):
+    """Particles whose rays are traced together, in the lens's axes."""
+
+    number: NDArray[np.int64]
+    """(n,): indices among all particles, the seeds of their random numbers."""
+    point: Floats
+    """(n, 3)"""
+    radius: Floats
+    """(n,)"""
+    polygon: Floats
+    """(n, 2, k): corners on the entrance plane, counter-clockwise."""
+    each: int
+    """Rays of a particle and replicate."""
+    offset: int
+    """Index of the first of them in the net of the replicate."""
+    replicates: int = REPLICATES
+
+
+class ParticlePixels(NamedTuple):
+    """Pixels that some particles illuminate."""
+
+    number: NDArray[np.int64]
+    """(n,): indices of the particles."""
+    counts: NDArray[np.int64]
+    """(n,): number of pixels of each."""
+    entries: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]
+    """Pixels (m,), and weights and their variances (m, channels): solid angles in sr, and their squares."""
+    moments: Floats
+    """(n, replicates, 3): light, and light times x and y on the sensor, in mm; the mean over the channels."""
+
+
+class ParticleScene(NamedTuple):
+    """Particles before a camera, compiled."""
+
+    points: Points
+    pilot: NDArray[np.int64]
+    """Particles from whose errors the number of rays is chosen."""
+    passbands: tuple[Passband, ...]
+    hue: Floats | None
+    """(n, 3): colours of particles over their means; None without spectral sensitivity: weights have no colour."""
+    intensity: Floats
+    """(n, 1) or (n, 3): what weights are multiplied by."""
+    occluder: PreparedScene | None
+    seed: np.uint64
+
+    @property
+    def channels(self) -> int:
+        """Channels of the weights."""
+        return 1 if self.hue is None else len(self.passbands[0].weights)
+
+    @property
+    def image_channels(self) -> int:
+        """Channels of images."""
+        return max(self.channels, self.intensity.shape[1])
+
+
+def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
+    """Compile particles before a camera, hidden by the meshes of a scene; raise errors of particles at bad places."""
+    passbands = _passbands(camera)
+    record = passbands[0].record
+    in_lens_axes(record, points.positions)
+    occluder = None if scene is None or not scene.meshes else _occluder(scene, points)
+    intensity = points.intensities(_pupil_centre(record))
+    columns = intensity if intensity.ndim == 2 else intensity[:, None]
+    hue = None
+    if camera.sensitivity is not None:
+        mean = columns.mean(axis=1, keepdims=True)
+        hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
+        columns = mean
+    pilot = np.unique(np.linspace(0, len(points) - 1, _PILOT).astype(np.int64))
+    return ParticleScene(points, pilot, passbands, hue, columns, occluder, np.uint64(seed))
+
+
+def _passbands(camera: PlenopticCamera) -> tuple[Passband, ...]:
+    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
+    if camera.sensitivity is None:
+        return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3),)
+    tables = colour_tables(camera.sensitivity)
+    probability = np.diff(tables.cdf, prepend=0.0)
+    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
+    part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
+    bands = []
+    for k in np.unique(part):
+        rows = part == k
+        wavelength = float(np.average(tables.wavelengths[rows], weights=probability[rows]))
+        weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
+        bands.append(Passband(diffraction_record(dataclasses.replace(camera, wavelength=wavelength)), weights))
+    return tuple(bands)
+
+
+def _pupil_centre(record: ForwardRecord) -> Floats:
+    """Centre (3,) of the entrance pupil in the world, or of the first plane of a telecentric lens."""
+    z = record.entrance.pupil[0]
+    centre = np.array([[0.0, 0.0, z if np.isfinite(z) else record.entrance.z]])
+    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
+    centre = centre if lens_pose is None else lens_pose.points(centre)
+    return np.asarray((centre if pose is None else pose.to_world(centre))[0])
+
+
+def _occluder(scene: Scene, points: Points) -> PreparedScene:
+    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass."""
+    from plenoptic.scene.cache import prepared_scene
+    from plenoptic.scene.geometry.instance import Instances
+    from plenoptic.scene.materials.alpha_mask import media_at
+    from plenoptic.scene.materials.dielectric import Dielectric
+
+    prepared = prepared_scene(scene)
+    is_near_glass = np.zeros(len(points), bool)
+    for part in scene.meshes:
+        if isinstance((part.mesh if isinstance(part, Instances) else part).material, Dielectric):
+            low, high = part.bounds
+            is_near_glass |= ((low < points.positions) & (points.positions < high)).all(axis=1)
+    for k in np.flatnonzero(is_near_glass).tolist():
+        assert prepared.intersector is not None
+        if media_at(prepared.record, prepared.intersector, points.positions[k])[0] >= 0:
+            raise SceneError(
+                f"particle {k} at {points.positions[k].tolist()} mm lies inside a body of glass, whose surface stops "
+                "its rays; move it outside, or put an emissive mesh there"
+            )
+    return prepared
+
+
+def choose_rays(scene: ParticleScene, target_error: float, threads: int) -> int:
+    """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few particles.
+
+    The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`.
+    """
+    rays = whole_replicates(scene, _LEAST_RAYS)
+    while 2 * rays <= MAX_RAYS:
+        parts = [part.moments[:, :, 0] for part in trace_particles(scene, rays, threads, scene.pilot)]
+        light = np.concatenate(parts)
+        squares = light.var(axis=1, ddof=1).sum() / REPLICATES
+        if squares <= target_error**2 * np.square(light.mean(axis=1)).sum():
+            break
+        rays *= 2
+    return rays
+
+
+def whole_replicates(scene: ParticleScene, rays: int) -> int:
+    """Number of rays of each particle, rounded up to whole replicates of all wavelengths."""
+    unit = REPLICATES * len(scene.passbands)
+    return int(-(-rays // unit) * unit)
+
+
+def trace_particles(
+    scene: ParticleScene, rays: int, threads: int, number: NDArray[np.int64] | None = None
+) -> Iterator[ParticlePixels]:
+    """Trace `rays` of each particle to the sensor, of some or all, in their order.
+
+    A particle's pixels follow from the seed and its index alone.
+    """
+    if number is None:
+        number = np.arange(len(scene.points))
+    size = min(max(_TASK_RAYS // rays, 1), _POINTS)
+    tasks = [number[first : first + size] for first in range(0, len(number), size)]
+    each = rays // REPLICATES // len(scene.passbands)
+    return run_in_order(lambda task: _trace_task(scene, task, each), tasks, threads=threads)
+
+
+def _trace_task(scene: ParticleScene, number: NDArray[np.int64], each: int) -> ParticlePixels:
+    """Trace the rays of some particles, bundle by bundle."""
+    from plenoptic.rendering.points.kernels.particle_rays import fill_entries
+
+    world = scene.points.positions[number]
+    lens_points = [in_lens_axes(band.record, world) for band in scene.passbands]
+    polygons = [
+        entrance_polygons(band.record.entrance, points)
+        for band, points in zip(scene.passbands, lens_points, strict=True)
+    ]
+    lit = np.flatnonzero(np.all([np.isfinite(polygon[:, 0, 0]) for polygon in polygons], axis=0))
+    bands, rays = len(scene.passbands), REPLICATES * each * len(scene.passbands)
+    size = max(BUNDLE // (REPLICATES * each), 1)
+    counts, moments = np.zeros(len(number), np.int64), np.zeros((len(number), REPLICATES, 3))
+    table = np.empty(1 << (2 * rays).bit_length(), np.int64)
+    sums = np.empty((rays, REPLICATES, scene.channels))
+    parts = []
+    for first in range(0, len(lit), size):
+        rows = lit[first : first + size]
+        pixel = np.empty((bands, len(rows), REPLICATES, each), np.int32)
+        weight = np.empty((*pixel.shape, scene.channels))
+        part_moments = np.zeros((len(rows), REPLICATES, 3))
+        for k, band in enumerate(scene.passbands):
+            corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1))
+            radius = 0.5 * scene.points.diameter[number[rows]]
+            batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, each, k * each)
+            colour = np.ones((len(rows), 1))
+            if scene.hue is not None:
+                colour = np.ascontiguousarray(scene.hue[number[rows]] @ band.weights.T)
+            _trace_bundle(scene, band, batch, colour, (pixel[k], weight[k], part_moments))
+        entries = (
+            np.empty(pixel.size, np.int32),
+            np.empty((pixel.size, scene.channels), np.float32),
+            np.empty((pixel.size, scene.channels), np.float32),
+        )
+        part_counts = np.empty(len(rows), np.int64)
+        n = fill_entries(entries, part_counts, pixel, weight, table, sums, each)
+        parts.append(tuple(column[:n].copy() for column in entries))
+        counts[rows], moments[rows] = part_counts, part_moments / each
+    columns = tuple(np.concatenate(column) for column in zip(*parts, strict=True)) if parts else _no_entries(scene)
+    return ParticlePixels(number, counts, columns, moments)  # type: ignore[arg-type]
+
+
+def _no_entries(scene: ParticleScene) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+    nothing = np.empty((0, scene.channels), np.float32)
+    return np.empty(0, np.int32), nothing, nothing
+
+
+def _trace_bundle(
+    scene: ParticleScene,
+    band: Passband,
+    batch: ParticleBatch,
+    colour: Floats,
+    results: tuple[NDArray[np.int32], Floats, Floats],
+) -> None:
+    """Trace the rays of a batch at one wavelength, and fill pixels, weights and moments of `fill_pixels`."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
+    from plenoptic.rendering.points.kernels import particle_rays
+
+    record, (pixel, weight, moments) = band.record, results
+    n = pixel.size
+    blocks = np.empty(-(-n // BLOCK) * RAY)
+    particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal)
+    if scene.occluder is not None:
+        _hide(blocks, scene, batch, record)
+    if record.iris is not None:
+        particle_rays.fill_particle_deflections(blocks, batch, scene.seed, record.iris, None)
+    fill_to_sensor(blocks, record)
+    if record.has_losses_before_array:
+        fill_losses_behind_array(blocks, np.empty(blocks.size), record)
+    if record.deflection is not None:
+        particle_rays.fill_particle_deflections(blocks, batch, scene.seed, None, record.deflection)
+    screen = (*record.camera.sensor.shape, record.camera.sensor.pixel_pitch)
+    flat = weight.reshape(n, -1)
+    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, colour)
+
+
+def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: ForwardRecord) -> None:
+    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens.
+
+    Losses in the scene's own medium belong here as well.
+    """
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
+    from plenoptic.rendering.points.kernels.particle_rays import fill_occluded
+
+    assert scene.occluder is not None
+    of_each = batch.replicates * batch.each
+    rays, n = blocks.reshape(-1, RAY), of_each * len(batch.number)
+    entering = np.column_stack([rays[:, X : X + BLOCK].ravel()[:n], rays[:, Y : Y + BLOCK].ravel()[:n]])
+    centres = np.repeat(scene.points.positions[batch.number], of_each, axis=0)
+    fill_occluded(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
+
+
+def pixel_area(camera: PlenopticCamera) -> float:
+    """Area of a pixel in mm^2, by which light is divided."""
+    return math.pow(camera.sensor.pixel_pitch, 2)
