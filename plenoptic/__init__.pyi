@@ -71,7 +71,6 @@ from .optics.surfaces.surface import Surface as Surface
 from .rendering.estimation.estimate import estimate as estimate
 from .rendering.exposure import Exposure as Exposure
 from .rendering.plan.plan import plan as plan
-from .rendering.points.point_weights import point_weights as point_weights
 from .rendering.render import render as render
 from .rendering.render import render_white as render_white
 from .rendering.warm_up import warm_up as warm_up

@@ -76,10 +76,12 @@ class Points:
 
     def __post_init__(self) -> None:
         set_field(self, "positions", positions(self.positions, name="positions", shape=("n", 3)))
+        if not len(self.positions):
+            raise InvalidValueError("positions is empty; give at least one particle (x, y, z) in mm")
         set_field(self, "diameter", self._of_each(self.diameter, "diameter"))
         if (self.intensity is None) == (self.sheet is None):
-            given = "both intensity and sheet are" if self.sheet is not None else "neither intensity nor sheet is"
-            raise InvalidValueError(f"{given} given; particles shine by themselves, or scatter the light of a sheet")
+            sources = "both intensity and sheet are" if self.sheet is not None else "neither intensity nor sheet is"
+            raise InvalidValueError(f"{sources} given; particles shine by themselves, or scatter the light of a sheet")
         if self.intensity is not None:
             set_field(self, "intensity", self._of_each(self.intensity, "intensity", coloured=True))
             if self.cross_section is not None or self.phase is not None:
@@ -130,8 +132,8 @@ class Points:
         section = 0.25 * math.pi * self.diameter**2 if self.cross_section is None else self.cross_section
         scattered = section / (4.0 * math.pi)
         if self.phase is not None:
-            way = numbers(towards, "towards", columns=3) - self.positions
-            cosine = way @ self.sheet.direction / np.linalg.norm(way, axis=1)
+            direction = numbers(towards, "towards", columns=3) - self.positions
+            cosine = direction @ self.sheet.direction / np.linalg.norm(direction, axis=1)
             scattered = section * np.interp(np.arccos(np.clip(cosine, -1.0, 1.0)), *self.phase.T)
         irradiance = self.sheet.irradiance_at(self.positions)
         return np.asarray(irradiance * (scattered if irradiance.ndim == 1 else scattered[:, None]))
@@ -157,7 +159,7 @@ class Points:
             raise InvalidValueError(f"velocity has shape {step.shape}; it must be (3,) or {self.positions.shape}")
         return dataclasses.replace(self, positions=self.positions + step)
 
-    def transformed(self, matrix: ArrayLike) -> Points:
+    def under(self, matrix: ArrayLike) -> Points:
         """The particles, and their sheet, where a (4, 4) similarity puts them; radiances stay, as in `Scene`."""
         full, scale = similarity(matrix)
         section = self.cross_section
@@ -167,7 +169,7 @@ class Points:
             diameter=scale * self.diameter,
             intensity=None if self.intensity is None else scale**2 * self.intensity,
             cross_section=None if section is None else scale**2 * section,
-            sheet=None if self.sheet is None else self.sheet.moved(full, scale),
+            sheet=None if self.sheet is None else self.sheet.under(full, scale),
         )
 
 

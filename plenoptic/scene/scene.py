@@ -75,9 +75,9 @@ class Scene:
     points: Points | None = None
 
     def __post_init__(self) -> None:
-        set_field(self, "meshes", _tuple_of(self.meshes, (Mesh, Instances), "meshes"))
-        set_field(self, "lights", _tuple_of(self.lights, LIGHTS, "lights"))
-        set_field(self, "views", _tuple_of(self.views, View, "views"))
+        set_field(self, "meshes", items_of(self.meshes, (Mesh, Instances), "meshes"))
+        set_field(self, "lights", items_of(self.lights, LIGHTS, "lights"))
+        set_field(self, "views", items_of(self.views, View, "views"))
         if self.background is not None and not isinstance(self.background, Background):
             if isinstance(self.background, np.ndarray | list) and numbers(self.background, "background").ndim > 1:
                 raise InvalidValueError(
@@ -255,7 +255,7 @@ class Scene:
         """
         meshes = tuple(mesh.transformed(matrix) for mesh in self.meshes)
         world = self.background
-        points = None if self.points is None else self.points.transformed(matrix)
+        points = None if self.points is None else self.points.under(matrix)
         if not self.lights and not self.views and points is None and not isinstance(world, EnvironmentMap):
             return dataclasses.replace(self, meshes=meshes)
         full, scale = similarity(matrix)
@@ -278,7 +278,7 @@ class Scene:
         >>> pl.Scene([pl.box(4)]).with_lights([lamp])
         Scene(1 mesh, 12 triangles, 1 light)
         """
-        return dataclasses.replace(self, lights=_tuple_of(lights, LIGHTS, "lights"))
+        return dataclasses.replace(self, lights=items_of(lights, LIGHTS, "lights"))
 
     def tables(self) -> SceneRecord:
         """The scene as plain arrays for the kernels; see `SceneRecord`.
@@ -293,7 +293,8 @@ class Scene:
         return build_record(self.meshes, self.lights, self.background, medium=self.medium)[0]
 
 
-def _tuple_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:
+def items_of(items: Any, kinds: type | tuple[type, ...], name: str) -> tuple[Any, ...]:
+    """Items of a sequence, all of some kinds."""
     allowed = kinds if isinstance(kinds, tuple) else (kinds,)
     names = " or ".join(kind.__name__ for kind in allowed)
     if isinstance(items, Iterable) and not (isinstance(items, np.ndarray) and items.ndim == 0):

@@ -17,7 +17,8 @@ from plenoptic.core.values import Floats, Given, check_kind, finite, set_field, 
 from plenoptic.errors import InvalidValueError
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.lights.registry import Light
-from plenoptic.scene.scene import Scene
+from plenoptic.scene.points import Points
+from plenoptic.scene.scene import Scene, items_of
 
 
 @value
@@ -66,11 +67,14 @@ class Sequence:
         Motion relative to the camera's pose; of a camera without a pose, its poses in the world.
     lights : sequence of n sequences of lights, optional
         Lights of each frame, in place of `scene.lights`. None: the scene's, in all frames.
+    points : sequence of n Points, optional
+        Particles of each frame, in place of `scene.points`, as by `Points.moved`. None: the scene's, in all frames.
 
     Raises
     ------
     InvalidValueError
-        If no mesh or several have a name, the numbers of lights and of times differ, or an argument is invalid.
+        If no mesh or several have a name, the numbers of lights or points and of times differ, or an argument is
+        invalid.
 
     Examples
     --------
@@ -96,6 +100,7 @@ class Sequence:
     motions: Given[tuple[tuple[str, Motion], ...], Mapping[str, Motion]] = Given(default=())
     camera_motion: Motion | None = None
     lights: Given[tuple[tuple[Light, ...], ...] | None, Iterable[Iterable[Light]] | None] = Given(default=None)
+    points: Given[tuple[Points, ...] | None, Iterable[Points] | None] = Given(default=None)
 
     def __post_init__(self) -> None:
         check_kind(self.scene, "scene", Scene, "pl.Scene([pl.box(4)])")
@@ -109,6 +114,11 @@ class Sequence:
             if len(lights) != len(self.times):
                 raise InvalidValueError(f"there are lights for {len(lights)} frames of {len(self.times)}")
             set_field(self, "lights", lights)
+        if self.points is not None:
+            points = items_of(self.points, Points, "points")
+            if len(points) != len(self.times):
+                raise InvalidValueError(f"there are points for {len(points)} frames of {len(self.times)}")
+            set_field(self, "points", points)
 
     def _check_motions(self, motions: object) -> tuple[tuple[str, Motion], ...]:
         """Motions by names that a single mesh has."""
@@ -157,14 +167,15 @@ class Sequence:
         return moving
 
     def _scene_at(self, k: int, time: float) -> Scene:
-        if not self.motions and self.lights is None:
+        if not self.motions and self.lights is None and self.points is None:
             return self.scene
         meshes = list(self.scene.meshes)
         for place, (part, motion) in self._objects.items():
             matrix = np.concatenate([motion.matrices([time])[0], [[0.0, 0.0, 0.0, 1.0]]])
             meshes[place] = Instances(part.mesh, matrix @ part.matrices, motion.seen_from(time))
         lights = self.scene.lights if self.lights is None else self.lights[k]
-        return dataclasses.replace(self.scene, meshes=tuple(meshes), lights=lights)
+        points = self.scene.points if self.points is None else self.points[k]
+        return dataclasses.replace(self.scene, meshes=tuple(meshes), lights=lights, points=points)
 
     def _camera_at(self, time: float) -> PlenopticCamera:
         camera, motion = self.camera, self.camera_motion

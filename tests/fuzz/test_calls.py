@@ -16,7 +16,16 @@ from valid_calls import calls, camera, lens, shot
 import plenoptic as pl
 
 RENDERING = ("render", "render.target", "render_white", "ground_truth", "warm_up", "replay", "replay_all", "project")
-RENDERING += ("estimate", "point_spread", "landing_points", "microlens_centres", "design_camera", "decode", "report")
+RENDERING += (
+    "estimate",
+    "point_spread",
+    "point_weights",
+    "landing_points",
+    "microlens_centres",
+    "design_camera",
+    "decode",
+    "report",
+)
 
 
 def test_200_random_calls_end_or_are_refused():

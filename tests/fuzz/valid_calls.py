@@ -95,6 +95,8 @@ camera().focused_at(z=z, criterion=pl.FocusCriterion.PARAXIAL, microlens_type=0)
 pl.design_camera(lens=lens(), sensor=camera().sensor, kind=pl.CameraKind.PLENOPTIC_1, z=z, pitch=0.2)
 pl.project(camera=camera(), points=[[0.0, 0.0, z]], rays=64, threads=1)
 pl.point_spread(camera=camera(), points=[[0.0, 0.0, z]], rays=64, seed=1, replicates=4, threads=1)
+pl.rendering.point_weights(points=pl.Points([[0.0, 0.0, z]], intensity=1.0), camera=camera(), rays=64,
+    target_error=0.1, seed=1, threads=1)
 pl.camera.landing_points(camera=camera(), points=[[0.0, 0.0, z]], rays=64, seed=1, threads=1)
 pl.microlens_centres(camera=camera(), method=pl.CentreMethod.CHIEF_RAY, margin=1.0)
 pl.camera.as_built(camera=camera())
@@ -179,6 +181,13 @@ pl.Texture(texels=texels)
 bsdf.evaluate: bsdf.evaluate(material=pl.Lambertian(), to_viewer=(0.0, 0, 1.0), to_light=[[0.0, 0.6, 0.8]])
 bsdf.draw: bsdf.draw(material=pl.Lambertian(), to_viewer=(0.0, 0, 1.0), points=[[0.1, 0.2, 0.3]])
 lights.PointLight(position=(0.0, 0, 0), intensity=100.0)
+pl.Points(positions=[[0.0, 0, z]], intensity=[2.0], diameter=0.1)
+Points.sheet: pl.Points(positions=[[0.0, 0, z]], sheet=sheet, cross_section=0.1, phase=[[0.0, 0.1], [3.0, 0.1]])
+pl.Points([[0.0, 0, z]], intensity=1.0).moved(velocity=(1.0, 0, 0), dt=0.1)
+pl.Points([[0.0, 0, z]], intensity=1.0).under(matrix=eye)
+lights.Sheet(position=(0.0, 0, z), direction=(1.0, 0, 0), normal=(0.0, 0, 1.0), thickness=1.0, irradiance=2.0,
+    divergence=0.01)
+sheet.irradiance_at(points=[[0.0, 0, z]])
 lights.SphereLight(center=(0.0, 100.0, 0), radius=5.0, radiance=1.0)
 lights.SpotLight(position=(0.0, 0, 0), direction=(0.0, 0, -1.0), intensity=9.0, inner_angle=0.2, outer_angle=0.5)
 SpotLight.facing: lights.SpotLight.facing(position=(0.0, 0, 0), target=(0.0, 0, -1.0), intensity=9.0)
@@ -228,7 +237,12 @@ def calls():
     full = quick | {"max_bounces": 2, "clamp": 10.0, "truth": pl.Truth.DEPTH, "caustics": pl.rendering.Caustics.INCLUDE}
     known = globals() | {"z": z, "wave": wave, "field": field, "quick": quick, "full": full}
     known |= {"square": np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), "grid": np.linspace(400.0, 700.0, 7)}
-    known |= {"grey": pl.SensorModel(1000.0, exposure_time=1.0), "mesh": pl.box(2.0), "eye": np.eye(4)}
+    known |= {
+        "grey": pl.SensorModel(1000.0, exposure_time=1.0),
+        "mesh": pl.box(2.0),
+        "sheet": pl.lights.Sheet((0, 0, -400), (1, 0, 0), (0, 0, 1), thickness=1.0),
+        "eye": np.eye(4),
+    }
     known |= {"texels": np.full((2, 2, 3), 0.5), "math": math}
     spaces = ("aiming", "bsdf", "images", "lightfield", "lights", "materials", "optics", "sensor", "targets")
     known |= {name: getattr(pl, name) for name in spaces}

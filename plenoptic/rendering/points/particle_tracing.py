@@ -104,7 +104,7 @@ class ParticleScene(NamedTuple):
     @property
     def image_channels(self) -> int:
         """Channels of images."""
-        return max(self.channels, self.intensity.shape[1])
+        return max(self.channels, len(self.intensity[0]))
 
 
 def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
@@ -293,14 +293,14 @@ def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: Fo
     Losses in the scene's own medium belong here as well.
     """
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
-    from plenoptic.rendering.points.kernels.particle_rays import fill_occluded
+    from plenoptic.rendering.points.kernels.particle_rays import stop_rays
 
     assert scene.occluder is not None
     of_each = batch.replicates * batch.each
     rays, n = blocks.reshape(-1, RAY), of_each * len(batch.number)
     entering = np.column_stack([rays[:, X : X + BLOCK].ravel()[:n], rays[:, Y : Y + BLOCK].ravel()[:n]])
     centres = np.repeat(scene.points.positions[batch.number], of_each, axis=0)
-    fill_occluded(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
+    stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
 
 
 def pixel_area(camera: PlenopticCamera) -> float:

@@ -69,7 +69,7 @@ class PointWeights:
     --------
     >>> import plenoptic as pl
     >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
-    >>> weights = pl.point_weights(pl.Points([(0, 0, -404), (5, 0, -404)], intensity=[1.0, 2.0]), camera)
+    >>> weights = pl.rendering.point_weights(pl.Points([(0, 0, -404), (5, 0, -404)], intensity=[1.0, 2.0]), camera)
     >>> weights.matrix().shape, abs(weights.matrix().sum(axis=1) / weights.light - 1).max() < 1e-6
     ((2, 262144), np.True_)
     """
@@ -111,7 +111,7 @@ class PointWeights:
         --------
         >>> import plenoptic as pl
         >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL)
-        >>> weights = pl.point_weights(pl.Points([(0, 0, -404)], intensity=2.0), camera)
+        >>> weights = pl.rendering.point_weights(pl.Points([(0, 0, -404)], intensity=2.0), camera)
         >>> bool((weights.image([3.0])[0] == 1.5 * weights.image()[0]).all())
         True
         """
@@ -135,7 +135,7 @@ class PointWeights:
 
         With the seed and the rays of both exposures the same, their errors nearly cancel. nan without light.
         """
-        check_kind(later, "later", PointWeights, "pl.point_weights(points.moved(velocity, dt), camera)")
+        check_kind(later, "later", PointWeights, "pl.rendering.point_weights(points.moved(velocity, dt), camera)")
         if len(later) != len(self):
             raise InvalidValueError(f"later has {len(later)} particles; it must have the same {len(self)}")
         return np.asarray(later.centroid - self.centroid)
@@ -161,7 +161,8 @@ class PointWeights:
         Examples
         --------
         >>> import pathlib, tempfile, plenoptic as pl
-        >>> weights = pl.point_weights(pl.Points([(0, 0, -404)], intensity=1.0), pl.camera.example_camera(), rays=128)
+        >>> points = pl.Points([(0, 0, -404)], intensity=1.0)
+        >>> weights = pl.rendering.point_weights(points, pl.camera.example_camera(), rays=128)
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     weights.save(pathlib.Path(folder) / "weights.npz")
         ...     pl.rendering.PointWeights.load(pathlib.Path(folder) / "weights.npz") == weights
@@ -247,7 +248,7 @@ def point_weights(
     --------
     >>> import plenoptic as pl
     >>> points = pl.Points([(0, 0, -404), (1, 0, -404)], intensity=1.0)
-    >>> weights = pl.point_weights(points, pl.camera.example_camera())
+    >>> weights = pl.rendering.point_weights(points, pl.camera.example_camera())
     >>> len(weights), bool((weights.light_error < 0.02 * weights.light).all())
     (2, True)
     """
@@ -267,19 +268,20 @@ def point_weights(
         parts = list(trace_particles(traced, n, workers))
     moments = np.concatenate([part.moments for part in parts])
     counts = np.concatenate([part.counts for part in parts])
-    columns = [[part.entries[k] for part in parts] for k in range(3)]
+    columns: list[Any] = [[part.entries[k] for part in parts] for k in range(3)]
     del parts
-    # Each part is dropped once it is joined: not two copies of all columns at once.
-    pixel, weight, variance = (np.concatenate(columns.pop(0)) for _ in range(3))
+    # Parts are dropped once they are joined: not two copies of all columns at once.
+    for k in range(3):
+        columns[k] = np.concatenate(columns[k])
     light = np.ascontiguousarray(moments[:, :, 0])
     with np.errstate(invalid="ignore", divide="ignore"):
         position = centroids(moments)[0]
     position[~(light.mean(axis=1) > 0)] = np.nan
     return PointWeights(
         indptr=np.concatenate([[0], np.cumsum(counts)]),
-        pixel=pixel,
-        weight=weight,
-        variance=variance,
+        pixel=columns[0],
+        weight=columns[1],
+        variance=columns[2],
         light=light.mean(axis=1),
         light_error=light.std(axis=1, ddof=1) / np.sqrt(REPLICATES),
         centroid=camera.sensor.pixel_of(position),

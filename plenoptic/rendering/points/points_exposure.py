@@ -11,7 +11,8 @@ from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.psf.point_spread import check_focusing
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import Floats, flag, seed_number
-from plenoptic.errors import InvalidValueError
+from plenoptic.core.warn import warn
+from plenoptic.errors import BlackImageWarning, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.points.particle_tracing import choose_rays, particle_scene, pixel_area, trace_particles
 from plenoptic.rendering.points.point_weights import TARGET_ERROR
@@ -84,4 +85,7 @@ def exposure_of_points(subject: Subject, budget: Budget, options: RenderOptions)
         settings=subject.settings,
         white=False,
     )
-    return add_points(shot, scene, budget, thread_count(options.threads))
+    shot = add_points(shot, scene, budget, thread_count(options.threads))
+    if not shot.image.any():
+        warn("no light of the particles reaches these pixels, and the image is black", BlackImageWarning)
+    return shot

@@ -88,7 +88,7 @@ class Sheet:
         profile = waist / width * np.exp(-2.0 * (offset @ self.normal / width) ** 2)
         return np.asarray(np.multiply.outer(profile, np.asarray(self.irradiance)))
 
-    def moved(self, matrix: Floats, scale: float) -> Sheet:
+    def under(self, matrix: Floats, scale: float) -> Sheet:
         """The sheet where a (4, 4) similarity of that scale puts it; irradiances stay."""
         turn = matrix[:3, :3]
         return dataclasses.replace(

@@ -83,7 +83,7 @@ def fill_particle_deflections(blocks, batch, seed, iris, deflection):
 
 
 @kernel
-def fill_occluded(blocks, blocked):
+def stop_rays(blocks, blocked):
     """Mark rays that a surface of the scene stops as lost."""
     for k in range(blocked.size):
         if blocked[k]:

@@ -1,0 +1,231 @@
+"""Weights of particles: against point spreads, small spheres and projections; their sums, bits and files."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from camera_helpers import bare_camera, camera_with, refused, the_lens
+
+import plenoptic as pl
+from plenoptic.rendering.points.particle_tracing import particle_scene, trace_particles
+
+THIN = pl.LensModel.THIN
+TILTED = (pl.CameraPart.MICROLENSES, (0.03, -0.02, 0.0), (0.02, -0.01, 0.1))
+CAMERAS = {
+    "2.0": pl.camera.example_camera(),
+    "1.0": pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1),
+    "thin": camera_with(lens=the_lens(model=THIN)),
+    "no microlenses": bare_camera(),
+    "tilted": camera_with(moved=(TILTED,)),
+    "diffraction": dataclasses.replace(
+        camera_with(lattice=pl.Lattice.SQUARE), diffraction=pl.Diffraction(iris=True), wavelength=600.0
+    ),
+}
+RNG = np.random.default_rng(5)
+POSITIONS = RNG.uniform((-7, -7, -420), (7, 7, -390), (8, 3))
+
+
+def weights_of(positions, camera, intensity=1.0, **options):
+    more = {name: options.pop(name) for name in ("diameter",) if name in options}
+    return pl.rendering.point_weights(
+        pl.Points(positions, intensity=intensity, **more), camera, progress=False, **options
+    )
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_weights_are_point_spreads_over_the_cosine(name):
+    camera = CAMERAS[name]
+    weights = weights_of(POSITIONS, camera, rays=1 << 13)
+    spread = pl.point_spread(camera, POSITIONS, rays=1 << 13, progress=False)
+    # Point spreads are of emitters that face the axis. The cosine varies by 1e-4 over the pupil, 25 mm wide.
+    cosine = -POSITIONS[:, 2] / np.linalg.norm(POSITIONS, axis=1)
+    joint = np.hypot(weights.light_error, spread.light_error)
+    deviation = (weights.light * cosine - spread.light) / (joint + 1e-4 * weights.light)
+    assert np.abs(deviation).max() < 4.0 and math.sqrt(np.mean(deviation**2)) < 1.8, deviation
+    # Blocks of pixels, whose errors are nearly normal: z = deviation over joint error, mean square 1.
+    image, error = weights.image()
+    other, other_error = np.zeros((2, *camera.sensor.shape))
+    for k, region in enumerate(spread.regions):
+        other[region] += spread.image[k] / cosine[k]
+        other_error[region] += (spread.standard_error[k] / cosine[k]) ** 2
+
+    def blocks(values):
+        return values.reshape(32, 16, 32, 16).sum(axis=(1, 3))
+
+    variance = blocks(error[..., 0] ** 2) + blocks(other_error)
+    lit = blocks(other) > 0.02 * blocks(other).max()
+    z = (blocks(image[..., 0]) - blocks(other))[lit] / np.sqrt(variance[lit])
+    # Pixels of one particle share its rays: their errors are correlated, so that 1 is no more than a scale.
+    assert lit.sum() > 10 and math.sqrt(np.mean(z**2)) < 2.0, math.sqrt(np.mean(z**2))
+
+
+def test_sums_over_pixels_are_the_light_and_the_image_is_linear():
+    weights = weights_of(POSITIONS, CAMERAS["2.0"], intensity=RNG.uniform(1, 2, 8), diameter=0.05)
+    sums = np.add.reduceat(weights.weight[:, 0].astype(float), weights.indptr[:-1])
+    assert np.abs(sums / weights.light - 1).max() < 1e-6
+    matrix = weights.matrix()
+    product = (matrix.T.astype(float) @ weights.intensity[:, 0]).reshape(512, 512) / 0.01**2
+    image, error = weights.image()
+    assert np.abs(product - image[..., 0]).max() < 1e-12 * image.max()
+    twice, twice_error = weights.image(2 * weights.intensity[:, 0])
+    assert (twice == 2 * image).all() and (twice_error == 2 * error).all()
+    coloured = weights.image(np.outer(weights.intensity[:, 0], [1.0, 0.5, 0.0]))[0]
+    assert coloured.shape == (512, 512, 3) and np.abs(coloured[..., 1] - 0.5 * image[..., 0]).max() < 1e-12
+    assert not coloured[..., 2].any()
+
+
+def test_rays_are_chosen_by_the_error_and_stated_errors_hold():
+    camera = CAMERAS["2.0"]
+    coarse = weights_of(POSITIONS, camera, target_error=0.01)
+    fine = weights_of(POSITIONS, camera, rays=1 << 17, seed=1)
+    relative = math.sqrt((coarse.light_error**2).sum() / (coarse.light**2).sum())
+    assert relative < 0.02  # estimated from the same eight particles, chosen to be below 0.01
+    seeds = [weights_of(POSITIONS, camera, rays=512, seed=seed) for seed in range(24)]
+    z = np.array([(w.light - fine.light) / w.light_error for w in seeds])
+    # Student's t with 7 degrees of freedom has the variance 7/5; 192 values.
+    assert 0.8 < math.sqrt(np.mean(z**2)) / math.sqrt(1.4) < 1.25
+    # The errors of pixels: the mean square deviation of images is the stated variance.
+    images = np.array([w.image()[0] for w in seeds])
+    stated = np.mean([w.image()[1] ** 2 for w in seeds], axis=0)
+    assert abs(images.var(axis=0, ddof=1).sum() / stated.sum() - 1) < 0.1
+
+
+def test_pixels_are_those_of_the_projection():
+    camera, point = CAMERAS["2.0"], POSITIONS[:1]
+    weights = weights_of(point, camera, rays=1 << 16)
+    seen = pl.project(camera, point, rays=1 << 16, progress=False)
+    rows, columns = np.divmod(weights.pixel, 512)
+    lit = seen.selected(seen.light > 0.02 * seen.light.max())
+    offset = np.stack([rows, columns], axis=1)[:, None] - lit.centroid_pixel
+    # Micro images are 18 pixels apart and narrower than a pixel: each pixel belongs to one.
+    nearest = np.argmin((offset**2).sum(axis=-1), axis=1)
+    near = np.abs(offset[np.arange(len(rows)), nearest]).max(axis=1) < 1.0
+    assert weights.weight[near, 0].sum() > 0.98 * weights.light[0] and len(lit) > 30
+    for k in range(len(lit)):
+        own = near & (nearest == k)
+        light = weights.weight[own, 0].astype(float)
+        error = math.hypot(5 * lit.light_error[k], 5 * math.sqrt(weights.variance[own].sum()))
+        assert abs(light.sum() - lit.light[k]) < error + 1e-3 * lit.light[k]
+
+
+@pytest.mark.parametrize("name", ["no microlenses", "thin"])
+def test_a_small_sphere_is_rendered_alike(name):
+    lens = the_lens(model=THIN)
+    bare = bare_camera(shape=(256, 256), pitch=0.16)
+    camera = {"no microlenses": bare, "thin": bare_camera(lens, 129.0, (256, 256), 0.16)}
+    camera, centre, radius = camera[name], np.array([45.0, 20.0, -404.0]), 1.5
+    ball = pl.sphere(radius, material=pl.Emissive(3.0)).translated(*centre)
+    weights = weights_of([centre], camera, intensity=3.0 * math.pi * radius**2, diameter=2 * radius, rays=1 << 17)
+    image, _ = weights.image()
+    middle = np.round(weights.centroid[0]).astype(int)
+    region = tuple(slice(k - 16, k + 16) for k in middle)
+    shot = pl.render(pl.Scene([ball]), camera, samples=1024, region=region, progress=False)
+    light, rendered = image[region].sum(), shot.image.sum(dtype=float)
+    errors = weights.light_error[0] / weights.light[0] + np.linalg.norm(shot.standard_error.astype(float)) / rendered
+    # 1e-3: the mesh's silhouette is inside the sphere; the solid angle of a ball differs by (r / d)^2 from a point's.
+    assert abs(rendered / light - 1) < 4 * errors + 1e-3 and image[region].sum() > 0.999 * image.sum()
+    assert np.abs(shot.image - image[region]).max() < 0.02 * image.max() and (image > 0.2 * image.max()).sum() > 5
+
+
+def test_bits_do_not_depend_on_threads_or_on_other_particles():
+    camera = CAMERAS["diffraction"]
+    positions = RNG.uniform((-7, -7, -420), (7, 7, -390), (300, 3))
+    one, two = (weights_of(positions, camera, rays=4096, threads=threads) for threads in (1, 3))
+    assert one == two
+    alone = weights_of(positions[:1], camera, rays=4096)
+    end = alone.indptr[1]
+    assert (alone.pixel == one.pixel[:end]).all() and (alone.weight == one.weight[:end]).all()
+    assert weights_of(positions[:1], camera, rays=4096, seed=1) != alone
+
+
+def test_channels_of_a_spectral_camera_are_those_of_its_wavelengths():
+    lines = pl.sensor.Sensitivity.lines((650.0, 550.0, 450.0))
+    camera = dataclasses.replace(CAMERAS["no microlenses"], sensitivity=lines)
+    point, colour = [[3.0, 2.0, -404.0]], np.array([[3.0, 2.0, 1.0]])
+    weights = weights_of(point, camera, intensity=colour, rays=3 << 14)
+    image, _ = weights.image()
+    for k, wavelength in enumerate((650.0, 550.0, 450.0)):
+        alone = dataclasses.replace(camera, sensitivity=None, wavelength=wavelength)
+        expected, error = weights_of(point, alone, intensity=colour[:, k], rays=1 << 14).image()
+        assert abs(image[..., k].sum() / expected.sum() - 1) < 4e-3  # the light has an error of 1e-3
+        assert np.abs(image[..., k] - expected[..., 0]).max() < 8 * error.max() * math.sqrt(2)
+    # A constant spectrum measures as 1 in every channel, whatever the response.
+    responses = dataclasses.replace(camera, sensitivity=pl.sensitivities.colour_camera())
+    grey = weights_of(point, responses, rays=1 << 15)
+    sums = grey.weight.sum(axis=0, dtype=float)
+    assert grey.weight.shape[1] == 3 and np.abs(sums / sums.mean() - 1).max() < 0.02  # colours of the glass and pupil
+
+
+def test_pairs_of_a_vortex_ring_give_their_displacement_back():
+    camera = dataclasses.replace(bare_camera(z=136.5), sensor=pl.Sensor((512, 512), 0.010))  # out of focus
+    angle, tube = RNG.uniform(0, 2 * math.pi, (2, 60))
+    ring, radius = 1.5, RNG.uniform(0.2, 0.5, 60)
+    across = ring + radius * np.cos(tube)
+    positions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -404 + radius * np.sin(tube)])
+    # Around the core of the ring, and along its axis: speeds in mm/s.
+    spin = 2.0 / radius
+    velocity = np.column_stack(
+        [-np.sin(tube) * spin * np.cos(angle), -np.sin(tube) * spin * np.sin(angle), 3.0 + np.cos(tube) * spin]
+    )
+    points, dt = pl.Points(positions, intensity=1.0), 0.004
+    first = pl.rendering.point_weights(points, camera, rays=1 << 15, progress=False)
+    second = pl.rendering.point_weights(points.moved(velocity, dt), camera, rays=1 << 15, progress=False)
+    seen = [pl.project(camera, p, progress=False, rays=1 << 17) for p in (positions, positions + dt * velocity)]
+    expected = seen[1].centroid_pixel - seen[0].centroid_pixel
+    displacement = first.displacement(second)
+    assert np.abs(displacement - expected).max() < 0.01 and np.abs(expected).max() > 0.1
+
+    # By weights alone: centroids over pixels, wider than a pixel.
+    def centroid(weights):
+        matrix = weights.matrix().astype(float)
+        places = np.stack(np.divmod(np.arange(512 * 512), 512), axis=1)
+        return (matrix @ places) / weights.light[:, None]
+
+    assert np.abs(centroid(second) - centroid(first) - expected).max() < 0.01
+    # And by the map of pixels: those of a single particle have its displacement.
+    alone = first.pixel_means(displacement)
+    count = np.bincount(first.pixel, minlength=512 * 512).reshape(512, 512)
+    assert np.isnan(alone[count == 0]).all()
+    owner = np.repeat(np.arange(60), np.diff(first.indptr))
+    single = count.ravel()[first.pixel] == 1
+    assert np.abs(alone.reshape(-1, 2)[first.pixel[single]] - displacement[owner[single]]).max() < 1e-9
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5"])
+def test_files_give_the_same_weights(tmp_path, suffix):
+    if suffix == ".h5":
+        pytest.importorskip("h5py")
+    weights = weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
+    weights.save(tmp_path / f"w{suffix}")
+    assert pl.rendering.PointWeights.load(tmp_path / f"w{suffix}") == weights
+    with pytest.raises(pl.errors.FileError, match="suffix"):
+        weights.save(tmp_path / "w.txt")
+    (tmp_path / f"bad{suffix}").write_bytes(b"nothing")
+    with pytest.raises(pl.errors.FileError):
+        pl.rendering.PointWeights.load(tmp_path / f"bad{suffix}")
+
+
+def test_memory_of_a_task_is_bounded():
+    points = pl.Points(RNG.uniform((-7, -7, -420), (7, 7, -390), (40, 3)), intensity=1.0)
+    parts = list(trace_particles(particle_scene(points, CAMERAS["2.0"], None, 0), 1 << 16, 1))
+    assert [len(part.number) for part in parts] == [8] * 5  # 2^19 rays
+    assert [k for part in parts for k in part.number] == list(range(40))
+
+
+def test_bad_particles_are_refused():
+    camera = CAMERAS["2.0"]
+    with refused("point 1 lies at z = 50 mm of the lens's axes"):
+        weights_of([(0, 0, -404), (0, 0, 50)], camera)
+    glass = pl.Scene([pl.box(8, material=pl.Dielectric(1.5)).translated(z=-404)])
+    with pytest.raises(pl.errors.SceneError, match="particle 1 at .* lies inside a body of glass"):
+        weights_of([(0, 0, -390), (1, 2, -404)], camera, scene=glass)
+    assert weights_of([(0, 0, -390)], camera, scene=glass).light[0] > 0
+    pinholes = camera_with(model=pl.optics.MicrolensModel.PINHOLE)
+    with refused("PINHOLE"):
+        weights_of([(0, 0, -404)], pinholes)
+    with refused("target_error"):
+        weights_of([(0, 0, -404)], camera, target_error=0.0)
+    # Outside the field: no light, no centroid.
+    beside = weights_of([(4000.0, 0, -404)], camera)
+    assert beside.light[0] == 0 and np.isnan(beside.centroid).all() and len(beside.pixel) == 0
