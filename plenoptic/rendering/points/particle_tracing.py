@@ -41,6 +41,8 @@ _LEAST_RAYS, _PILOT = 128, 64
 """Least number of rays of a particle, and number of particles from whose errors it is chosen."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
+_BLOCK = 1 << 17
+"""Particles whose polygons are computed together; they take 130 bytes for each and wavelength."""
 
 
 class Passband(NamedTuple):
@@ -205,21 +207,30 @@ def trace_particles(
     if number is None:
         number = np.arange(len(scene.points))
     size = min(max(_TASK_RAYS // rays, 1), _POINTS)
-    tasks = [number[first : first + size] for first in range(0, len(number), size)]
     each = rays // REPLICATES // len(scene.passbands)
-    return run_in_order(lambda task: _trace_task(scene, task, each), tasks, threads=threads)
+    for start in range(0, len(number), _BLOCK):
+        block = number[start : start + _BLOCK]
+        world = scene.points.positions[block]
+        # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
+        polygons = [
+            entrance_polygons(band.record.entrance, in_lens_axes(band.record, world)).astype(np.float32)
+            for band in scene.passbands
+        ]
+        tasks = [
+            (block[first : first + size], [polygon[first : first + size] for polygon in polygons])
+            for first in range(0, len(block), size)
+        ]
+        yield from run_in_order(lambda task: _trace_task(scene, *task, each), tasks, threads=threads)
 
 
-def _trace_task(scene: ParticleScene, number: NDArray[np.int64], each: int) -> ParticlePixels:
-    """Trace the rays of some particles, bundle by bundle."""
+def _trace_task(
+    scene: ParticleScene, number: NDArray[np.int64], polygons: list[NDArray[np.float32]], each: int
+) -> ParticlePixels:
+    """Trace the rays of some particles to their polygons, bundle by bundle."""
     from plenoptic.rendering.points.kernels.particle_rays import fill_entries
 
     world = scene.points.positions[number]
     lens_points = [in_lens_axes(band.record, world) for band in scene.passbands]
-    polygons = [
-        entrance_polygons(band.record.entrance, points)
-        for band, points in zip(scene.passbands, lens_points, strict=True)
-    ]
     lit = np.flatnonzero(np.all([np.isfinite(polygon[:, 0, 0]) for polygon in polygons], axis=0))
     bands, rays = len(scene.passbands), REPLICATES * each * len(scene.passbands)
     size = max(BUNDLE // (REPLICATES * each), 1)
@@ -233,7 +244,7 @@ def _trace_task(scene: ParticleScene, number: NDArray[np.int64], each: int) -> P
         weight = np.empty((*pixel.shape, scene.channels))
         part_moments = np.zeros((len(rows), REPLICATES, 3))
         for k, band in enumerate(scene.passbands):
-            corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1))
+            corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1), dtype=np.float64)
             radius = 0.5 * scene.points.diameter[number[rows]]
             batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, each, k * each)
             colour = np.ones((len(rows), 1))

@@ -125,7 +125,7 @@ def test_a_small_sphere_is_rendered_alike(name):
     errors = weights.light_error[0] / weights.light[0] + np.linalg.norm(shot.standard_error.astype(float)) / rendered
     # 1e-3: the mesh's silhouette is inside the sphere; the solid angle of a ball differs by (r / d)^2 from a point's.
     assert abs(rendered / light - 1) < 4 * errors + 1e-3 and image[region].sum() > 0.999 * image.sum()
-    assert np.abs(shot.image - image[region]).max() < 0.02 * image.max() and (image > 0.2 * image.max()).sum() > 5
+    assert np.abs(shot.image - image[region]).max() < 0.03 * image.max() and (image > 0.2 * image.max()).sum() > 5
 
 
 def test_bits_do_not_depend_on_threads_or_on_other_particles():
