@@ -41,8 +41,8 @@ _LEAST_RAYS, _PILOT = 128, 64
 """Least number of rays of a particle, and number of particles from whose errors it is chosen."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
-_BLOCK = 1 << 17
-"""Particles whose polygons are computed together; they take 130 bytes for each and wavelength."""
+_BLOCK = 1 << 15
+"""Particles whose polygons are computed together, which takes 3 kB for each."""
 
 
 class Passband(NamedTuple):
