@@ -14,7 +14,13 @@ from plenoptic.core.values import Floats, flag, seed_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.points.particle_tracing import choose_rays, particle_scene, pixel_area, trace_particles
+from plenoptic.rendering.points.particle_tracing import (
+    REPLICATES,
+    choose_rays,
+    particle_scene,
+    pixel_area,
+    trace_particles,
+)
 from plenoptic.rendering.points.point_weights import TARGET_ERROR
 
 if TYPE_CHECKING:
@@ -77,8 +83,8 @@ def exposure_of_points(subject: Subject, budget: Budget, options: RenderOptions)
     shot = Exposure(
         dark,
         standard_error=dark,
-        replicates=budget.replicates,
-        samples=budget.max_samples,
+        replicates=REPLICATES,
+        samples=REPLICATES,
         seed=seed,
         camera=camera,
         region=None if options.region is None else region,

@@ -12,12 +12,18 @@ from plenoptic.rendering.points.particle_tracing import particle_scene, trace_pa
 
 THIN = pl.LensModel.THIN
 TILTED = (pl.CameraPart.MICROLENSES, (0.03, -0.02, 0.0), (0.02, -0.01, 0.1))
+GRAINS = np.array([(0.1 * k, 0.07 * k) for k in (-10, -2, 3, 9)])
+DUST = pl.Blemishes(pl.BlemishSite.SENSOR, GRAINS, GRAINS, radius=0.5, transmission=0.2, height=0.5)
 CAMERAS = {
     "2.0": pl.camera.example_camera(),
     "1.0": pl.camera.example_camera(pl.CameraKind.PLENOPTIC_1),
     "thin": camera_with(lens=the_lens(model=THIN)),
     "no microlenses": bare_camera(),
     "tilted": camera_with(moved=(TILTED,)),
+    "openings and dust": camera_with(
+        pixels={"pixel_aperture": (0.7, 0.4), "angular_response": pl.sensor.AngularResponse(well_depth=0.8, index=1.5)},
+        blemishes=(DUST,),
+    ),
     "diffraction": dataclasses.replace(
         camera_with(lattice=pl.Lattice.SQUARE), diffraction=pl.Diffraction(iris=True), wavelength=600.0
     ),

@@ -53,6 +53,14 @@ def test_regions_and_threads_have_the_bits_of_the_whole(scene):
     assert part.region == (16, 40, 24, 48) and whole.region is None
 
 
+def test_exposures_of_two_seeds_are_merged():
+    shots = [render(pl.Scene(points=POINTS), seed=seed) for seed in (0, 1)]
+    both = pl.Exposure.merged(shots)
+    mean = (shots[0].image.astype(float) + shots[1].image) / 2
+    assert np.allclose(both.image, mean, rtol=1e-6) and both.replicates == 16
+    assert (shots[0].image != shots[1].image).any()
+
+
 def test_coloured_particles_before_a_grey_wall():
     red = dataclasses.replace(POINTS, intensity=np.outer(POINTS.intensity, [1.0, 0.0, 0.0]))
     shot = render(pl.Scene(points=red, background=0.1))
