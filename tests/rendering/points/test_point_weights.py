@@ -81,6 +81,19 @@ def test_sums_over_pixels_are_the_light_and_the_image_is_linear():
     assert not coloured[..., 2].any()
 
 
+@pytest.mark.parametrize("name", ["2.0", "no microlenses"])
+def test_diffraction_spreads_light_as_in_point_spreads(name):
+    """The sum of squares of an image falls as light leaves its pixel, at microlenses or, without them, at the iris."""
+    sharp = CAMERAS[name] if name == "2.0" else bare_camera(the_lens(2.5), 134.0, pitch=0.005)
+    camera = dataclasses.replace(sharp, diffraction=pl.Diffraction(iris=name != "2.0"))
+    point = [(0.1, 0.2, -404.0)]
+    image, _ = weights_of(point, camera, rays=1 << 17).image()
+    spread = pl.point_spread(camera, point, rays=1 << 17, progress=False)
+    without, _ = weights_of(point, sharp, rays=1 << 17).image()
+    assert abs((image**2).sum() / (spread.image**2).sum() - 1) < 0.02  # noise below 1 %
+    assert (image**2).sum() < 0.9 * (without**2).sum()
+
+
 def test_rays_are_chosen_by_the_error_and_stated_errors_hold():
     camera = CAMERAS["2.0"]
     coarse = weights_of(POSITIONS, camera, target_error=0.01)
@@ -118,15 +131,15 @@ def test_pixels_are_those_of_the_projection():
 @pytest.mark.parametrize("name", ["no microlenses", "thin"])
 def test_a_small_sphere_is_rendered_alike(name):
     lens = the_lens(model=THIN)
-    bare = bare_camera(shape=(256, 256), pitch=0.16)
-    camera = {"no microlenses": bare, "thin": bare_camera(lens, 129.0, (256, 256), 0.16)}
-    camera, centre, radius = camera[name], np.array([45.0, 20.0, -404.0]), 1.5
+    bare = bare_camera(shape=(256, 256), pitch=0.3)
+    camera = {"no microlenses": bare, "thin": bare_camera(lens, 129.0, (256, 256), 0.3)}
+    camera, centre, radius = camera[name], np.array([80.0, 35.0, -404.0]), 3.0
     ball = pl.sphere(radius, material=pl.Emissive(3.0)).translated(*centre)
     weights = weights_of([centre], camera, intensity=3.0 * math.pi * radius**2, diameter=2 * radius, rays=1 << 17)
     image, _ = weights.image()
     middle = np.round(weights.centroid[0]).astype(int)
     region = tuple(slice(k - 16, k + 16) for k in middle)
-    shot = pl.render(pl.Scene([ball]), camera, samples=1024, region=region, progress=False)
+    shot = pl.render(pl.Scene([ball]), camera, samples=4096, region=region, progress=False)
     light, rendered = image[region].sum(), shot.image.sum(dtype=float)
     errors = weights.light_error[0] / weights.light[0] + np.linalg.norm(shot.standard_error.astype(float)) / rendered
     # 1e-3: the mesh's silhouette is inside the sphere; the solid angle of a ball differs by (r / d)^2 from a point's.
