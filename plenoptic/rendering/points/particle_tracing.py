@@ -206,21 +206,34 @@ def trace_particles(
     """
     if number is None:
         number = np.arange(len(scene.points))
-    size = min(max(_TASK_RAYS // rays, 1), _POINTS)
+    tasks = _ParticleTasks(scene, number, min(max(_TASK_RAYS // rays, 1), _POINTS))
     each = rays // REPLICATES // len(scene.passbands)
-    for start in range(0, len(number), _BLOCK):
-        block = number[start : start + _BLOCK]
-        world = scene.points.positions[block]
-        # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
-        polygons = [
-            entrance_polygons(band.record.entrance, in_lens_axes(band.record, world)).astype(np.float32)
-            for band in scene.passbands
-        ]
-        tasks = [
-            (block[first : first + size], [polygon[first : first + size] for polygon in polygons])
-            for first in range(0, len(block), size)
-        ]
-        yield from run_in_order(lambda task: _trace_task(scene, *task, each), tasks, threads=threads)
+    return run_in_order(lambda task: _trace_task(scene, *task, each), tasks, threads=threads)
+
+
+class _ParticleTasks:
+    """Tasks of `size` particles; polygons of the next block are computed while threads trace those before."""
+
+    def __init__(self, scene: ParticleScene, number: NDArray[np.int64], size: int) -> None:
+        self.scene, self.number, self.size = scene, number, size
+
+    def __length_hint__(self) -> int:
+        return -(-len(self.number) // self.size)
+
+    def __iter__(self) -> Iterator[tuple[NDArray[np.int64], list[NDArray[np.float32]]]]:
+        """Particles of each task, and their polygons at each wavelength."""
+        step = max(_BLOCK // self.size, 1) * self.size
+        for start in range(0, len(self.number), step):
+            block = self.number[start : start + step]
+            world = self.scene.points.positions[block]
+            # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
+            polygons = [
+                entrance_polygons(band.record.entrance, in_lens_axes(band.record, world)).astype(np.float32)
+                for band in self.scene.passbands
+            ]
+            for first in range(0, len(block), self.size):
+                part = slice(first, first + self.size)
+                yield block[part], [polygon[part] for polygon in polygons]
 
 
 def _trace_task(
