@@ -54,7 +54,8 @@ class Scene:
     InvalidValueError
         Something that is not a mesh, a light, a background or particles.
     SceneError
-        No mesh, no light, no background and no points; a medium without bound under the sun or a background.
+        No mesh, no light, no background and no points; a medium without bound under the sun or a background; points
+        in a medium.
 
     Examples
     --------
@@ -89,6 +90,10 @@ class Scene:
         elif not self.has_surfaces_or_light:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
         as_medium(self.medium, "medium")
+        if self.medium is not None and self.points is not None:
+            raise SceneError(
+                "the scene has points in a medium, which does not weaken their light yet; remove one of them"
+            )
         dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
         sky = self.background is not None and not dark
         if self.medium is not None and (sky or any(isinstance(light, DistantLight) for light in self.lights)):
