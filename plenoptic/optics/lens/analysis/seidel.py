@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.display import picture_of
-from plenoptic.core.values import Floats, check_has, finite, result
+from plenoptic.core.values import Floats, check_has, coordinate, finite, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE
 from plenoptic.optics.lens.gaussian.marginal_and_chief import ParaxialRay, chief_ray, lagrange_invariant, marginal_ray
@@ -120,7 +120,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
     ------
     InvalidValueError
         If the object is not in front of the lens, the field of an object at infinity is 90 degrees or more, or object
-        and iris are conjugate.
+        and iris are conjugate; a field beyond 1e15.
 
     References
     ----------
@@ -134,7 +134,7 @@ def seidel_sums(lens: LensStack, *, field: float, z_object: float = -math.inf, w
     True
     """
     marginal = marginal_ray(lens, z_object, wavelength)
-    chief = chief_ray(lens, field, z_object, wavelength)
+    chief = chief_ray(lens, coordinate(field, "field"), z_object, wavelength)
     invariant = lagrange_invariant(marginal, chief)
     table = np.zeros((len(lens.elements), len(_SUMS)))
     for i, element in enumerate(lens.elements):
