@@ -60,7 +60,7 @@ def read_grid(path: str | os.PathLike[str], shape: tuple[int, int]) -> MicroImag
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pl.export.plenoptic_toolbox(folder, shot)
     ...     pl.calibration.read_grid(pathlib.Path(folder) / "shot.xml", shape=(512, 512))
-    MicroImageGrid(HEXAGONAL, pitch 21.987 pixels along columns, rotation 0.00 degrees, 3 types, 512 x 512 pixels)
+    MicroImageGrid(HEXAGONAL, pitch 21.987 pixels along columns, rotation 0.00 degrees, 512 x 512 pixels)
     """
     file, (rows, columns) = file_path(path), checked_shape(shape, ("rows", "columns"))
     content = read_file(file, TEXT)
