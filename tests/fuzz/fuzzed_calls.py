@@ -85,10 +85,18 @@ def use(made):
         middle = (slice(rows // 2, rows // 2 + 2), slice(columns // 2, columns // 2 + 2))
         image = pl.render_white(made, samples=4, region=middle, progress=False, threads=1).image
         assert np.isfinite(image).all()
+    if isinstance(made, materials.HenyeyGreenstein):
+        made = materials.Medium(scattering=0.01, phase=made)
+    if isinstance(made, materials.Medium):
+        made = materials.Dielectric(1.0, medium=made)
     if type(made) in materials.__dict__.values() and not isinstance(made, materials.Texture):
         made = pl.box(50.0, material=made).translated(z=-400.0)
     if isinstance(made, pl.Mesh | pl.scene.Instances):
         made = pl.Scene([made], background=0.1)
+    if isinstance(made, lights.Sheet):
+        made = pl.Points([(0.0, 0.0, -400.0)], sheet=made, cross_section=1.0)
+    if isinstance(made, pl.Points):
+        made = pl.Scene(points=made)
     if type(made) in lights.__dict__.values():
         made = scene().with_lights([made]) if not isinstance(made, pl.EnvironmentMap) else pl.Scene([], [], made)
     if isinstance(made, pl.Scene):
