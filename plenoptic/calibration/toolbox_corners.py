@@ -238,7 +238,8 @@ def _read_corners(file: Any, grid: MicroImageGrid, shape: tuple[int, int], limit
         if str(model["Orientation"]) != "horz" or cells.dtype != object or cells.ndim != 2:
             raise ValueError("CheckerCorners are no cells, or rows of microlenses do not run along x")
         numbers = {name: float(np.squeeze(model[name])) for name in _NUMBERS}
-        if min(numbers["HSpacing"], numbers["VSpacing"]) < 1 or not max(map(abs, numbers.values())) < _LARGEST:
+        is_small = all(abs(each) < _LARGEST for each in numbers.values())
+        if not (is_small and min(numbers["HSpacing"], numbers["VSpacing"]) >= 1):
             raise ValueError("its microlenses are less than a pixel apart, or too many")
         scale = np.ravel(content[_OPTIONS].get("OutputScale", np.ones(4)))
         complete = {

@@ -101,7 +101,8 @@ def measured_f_number(parameters: Floats, radius: float, pixel_pitch: float, nom
     if abs(math.log(f_number / nominal)) > _OTHER_F_NUMBER:
         warn(
             f"the nominal f-number is {nominal:g}, and micro images of the radius {radius:.3g} pixels ask for "
-            f"{f_number:.3g}, which the camera has"
+            f"{f_number:.3g} behind a thin lens, which the camera has; a telephoto or Petzval lens, whose exit pupil "
+            "is elsewhere, has another"
         )
     return f_number
 

@@ -28,6 +28,16 @@ def raw_of(shot, camera, electrons=3000.0, seed=1):
     return shot.develop(sensor, seed=seed)
 
 
+def blurred_shot(shot, sigma):
+    """Image blurred by a normal distribution of a standard deviation in pixels."""
+    steps = np.arange(-5, 6)
+    kernel = np.exp(-0.5 * (steps / sigma) ** 2) / np.exp(-0.5 * (steps / sigma) ** 2).sum()
+    image = np.squeeze(shot.image)
+    for axis in (0, 1):
+        image = sum(weight * np.roll(image, step, axis) for step, weight in zip(steps, kernel, strict=True))
+    return pl.Exposure(image[..., None])
+
+
 @functools.cache
 def grid_of(camera):
     return pl.calibration.find_micro_images(raw_of(white_of(camera), camera, 20000.0))

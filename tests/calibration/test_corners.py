@@ -106,6 +106,8 @@ def test_texture_behind_the_board_and_boards_near_the_array_do_not_make_views():
     raws = [raw_of(shot_of(camera, each), camera) for each in boards]
     with pytest.raises(InvalidValueError, match="image 2: the image shows no board"):
         pl.calibration.observe(raws, white_of(camera), design, pixel_pitch=PITCH)
+    with pytest.raises(InvalidValueError, match="image 1 is the same as image 0"):
+        pl.calibration.observe([raws[0], raws[0]], white_of(camera), design, pixel_pitch=PITCH)
 
 
 def test_without_a_white_image_fewer_are_found():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,12 @@ from plenoptic.calibration.corners.board_plane import BoardPlane
 from plenoptic.calibration.corners.corner_fit import CornerFit, Windows, fit_corners
 from plenoptic.calibration.corners.patches import UNVIGNETTED, Patches, patches_of
 from plenoptic.calibration.corners.saddle_points import saddle_points
-from plenoptic.calibration.corners.view_corners import find_view_corners, is_plenoptic_1, light_slopes
+from plenoptic.calibration.corners.view_corners import (
+    find_view_corners,
+    is_blurred_plenoptic_1,
+    is_plenoptic_1,
+    light_slopes,
+)
 from plenoptic.calibration.corners.vignetting import cone_displacement
 from plenoptic.calibration.corners.virtual_points import VirtualPoints, virtual_points
 from plenoptic.calibration.micro_images import find_micro_images
@@ -145,7 +151,8 @@ def find_corners(
     and their disparities. The camera is unfocused if the border of micro images in the white image is narrower than 0.3
     pitches over the mean virtual depth, which is the ratio of the slopes of the light within and between micro images:
     it is 1 pitch over the virtual depth in focus. Where no border shows, the camera is unfocused if the mean virtual
-    depth is below 2.5. If its views show no board, as of small squares, micro images are searched.
+    depth is below 2.5. If its views show no board, as of small squares, micro images are searched. Behind a border of
+    less than 3.5 pixels, which may be blur alone, the camera is unfocused if corners in micro images are not sharper.
 
     Examples
     --------
@@ -171,12 +178,10 @@ def _find_frames(
 ) -> tuple[list[BoardCorners], dict[int, InvalidValueError]]:
     """Corners of images, all in micro images or all in views, and errors of those that show none, by their numbers."""
     check_kind(grid, "grid", MicroImageGrid, "pl.calibration.find_micro_images(white)")
-    shape, slopes = corners_of(board), np.zeros(2)
-    for raw in raws:
-        slopes += light_slopes(patches_of(raw, white, grid)[1], grid.basis)
-    # Squares may be too small for views.
-    results = []
-    for in_views in (True, False) if is_plenoptic_1(grid, slopes) else (False,):
+    shape = corners_of(board)
+    slopes = [light_slopes(patches_of(raw, white, grid)[1], grid.basis) for raw in raws]
+
+    def search(in_views: bool) -> tuple[list[BoardCorners], dict[int, InvalidValueError]]:
         frames: list[BoardCorners] = []
         errors: dict[int, InvalidValueError] = {}
         for number, raw in enumerate(raws):
@@ -184,10 +189,19 @@ def _find_frames(
                 frames.append(_corners_in(*patches_of(raw, white, grid), grid, board, shape, in_views))
             except InvalidValueError as error:
                 errors[number] = error
-        results.append((frames, errors))
-        if frames:
-            return frames, errors
-    return results[0]
+        return frames, errors
+
+    is_unfocused = is_plenoptic_1(grid, np.sum(slopes, axis=0))
+    first = search(is_unfocused)
+    frames, errors = first
+    if is_unfocused:
+        # Squares may be too small for views.
+        is_other = not frames
+    else:
+        found = [slope for number, slope in enumerate(slopes) if number not in errors]
+        is_other = is_blurred_plenoptic_1(grid, [frame.blur for frame in frames], found)
+    second = search(not is_unfocused) if is_other else first
+    return second if second[0] else first
 
 
 def _corners_in(
@@ -261,6 +275,9 @@ def observe(
     frames, errors = _find_frames(raws, grid, board, white)
     for number, error in errors.items():
         raise InvalidValueError(f"image {number}: {error}")
+    for j, k in combinations(range(len(frames)), 2):
+        if np.array_equal(frames[j].pixel, frames[k].pixel):
+            raise InvalidValueError(f"image {k} is the same as image {j}, which doubles its weight; give it once")
     assert grid.index is not None and grid.centre is not None
     return Observations(
         index=np.concatenate([frame.index for frame in frames]),

@@ -23,9 +23,9 @@ _LATTICE_RESIDUAL = 0.05
 """Largest root mean square deviation of centres from a lattice, in pitches."""
 _REACH, _MAX_OUTSIDE = 0.75, 0.05
 """Distance of a corner from the centre of its micro image in pitches, and fraction of the corners beyond it."""
-_FIELDS, _MAGNIFICATIONS = (0.002, 5.0), (0.002, 5.0)
-"""Size of the white image over the focal length, and of the boards' images over the boards, of any camera: a factor of
-1000 between units leads beyond them. Start values have magnifications of 0.01 to 1."""
+_FIELDS, _MAGNIFICATIONS = (0.002, 5.0), (0.0005, 40.0)
+"""Size of the white image over the focal length, and of the boards' images over the boards, from a phone's camera to a
+microscope: a factor of 1000 between units leads beyond them for most cameras."""
 _MIN_TILT = math.radians(3.0)
 _FOCAL_LENGTH_RATIO = 1.08
 """Largest ratio of the fitted and the nominal focal length: a board twice as large as stated fits as well, with a focal

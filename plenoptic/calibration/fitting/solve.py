@@ -332,9 +332,8 @@ def problem_of(observations: Observations, basis: Floats, free: NDArray[np.bool_
 
 
 def _relative_errors(observations: Observations) -> Floats:
-    """Standard errors (n, 2) of corners over their root mean square, none below half of the median."""
+    """Standard errors (n, 2) of corners over their median, none below half of it."""
     errors = observations.standard_error
     if errors is None:
         return np.ones_like(observations.pixel)
-    errors = np.maximum(errors, _LEAST_ERROR * np.median(errors))
-    return np.asarray(errors / np.sqrt(np.mean(errors**2)))
+    return np.asarray(np.maximum(errors / np.median(errors), _LEAST_ERROR))

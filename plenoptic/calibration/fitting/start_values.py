@@ -14,10 +14,8 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 
 P = Parameter
-_TRIALS = 20
-"""Distances from lens to array, and from array to sensor, that are tried each."""
-_LONGEST = 20.0
-"""Largest distance from array to sensor that is tried, in pitches; the smallest is one pitch."""
+_MAGNIFICATIONS, _GAPS = np.geomspace(0.001, 20.0, 44), np.geomspace(1.0, 50.0, 26)
+"""Magnifications of boards by the lens, and distances from array to sensor in pitches, that are tried."""
 MIN_LENSES = 3
 """Least number of microlenses in which a corner must be seen."""
 _CANDIDATES = 4
@@ -89,8 +87,8 @@ def start_state(problem: Problem, focal_length: float, distances: tuple[float, f
     """
     first = setting_part(problem, 0)
     lattice = image_lattice(first.centre_grid, first.centre_pixel)
-    gaps = np.geomspace(1.0, _LONGEST, _TRIALS) * _pitch(lattice) * problem.pixel_pitch
-    arrays = focal_length * (1.0 + np.geomspace(0.01, 1.0, _TRIALS))
+    gaps = _GAPS * _pitch(lattice) * problem.pixel_pitch
+    arrays = focal_length * (1.0 + _MAGNIFICATIONS)
     trials = [(z, d) for z in arrays.tolist() for d in gaps.tolist()] if distances is None else [distances]
     state = _setting_state(first, focal_length, trials, [P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH])
     array, gap = state.parameters[[P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR]].tolist()
