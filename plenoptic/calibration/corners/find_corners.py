@@ -192,16 +192,15 @@ def _find_frames(
         return frames, errors
 
     is_unfocused = is_plenoptic_1(grid, np.sum(slopes, axis=0))
-    first = search(is_unfocused)
-    frames, errors = first
+    frames, errors = search(is_unfocused)
     if is_unfocused:
         # Squares may be too small for views.
         is_other = not frames
     else:
-        found = [slope for number, slope in enumerate(slopes) if number not in errors]
-        is_other = is_blurred_plenoptic_1(grid, [frame.blur for frame in frames], found)
-    second = search(not is_unfocused) if is_other else first
-    return second if second[0] else first
+        of_frames = [slope for number, slope in enumerate(slopes) if number not in errors]
+        is_other = is_blurred_plenoptic_1(grid, [frame.blur for frame in frames], of_frames)
+    others, other_errors = search(not is_unfocused) if is_other else ([], {})
+    return (others, other_errors) if others else (frames, errors)
 
 
 def _corners_in(
