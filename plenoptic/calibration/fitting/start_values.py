@@ -19,7 +19,7 @@ _MAGNIFICATIONS, _GAPS = np.geomspace(0.001, 20.0, 44), np.geomspace(1.0, 50.0, 
 MIN_LENSES = 3
 """Least number of microlenses in which a corner must be seen."""
 _CANDIDATES = 4
-NEAREST, FARTHEST = 0.9, 3.0
+NEAREST, FARTHEST = 0.9, 21.0
 """Least and largest distance from lens to array at a further focus setting, in focal lengths."""
 
 
