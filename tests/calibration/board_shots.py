@@ -3,8 +3,10 @@
 import functools
 
 import numpy as np
+from calibration_helpers import in_thin_axes, true_values
 
 import plenoptic as pl
+from plenoptic.calibration.fitting.geometry import project_views
 
 DESIGN = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0)
 PITCH = 0.0135
@@ -52,3 +54,14 @@ def found(camera, *targets, design=DESIGN, electrons=3000.0, seed=1, with_white=
 @functools.cache
 def tilted(axis=(1.0, 0.2, 0.0), angle=25.0, z=-430.0, turn=0.0, design=DESIGN, shift=(0.0, 0.0)):
     return design.rotated_deg((0, 0, 1), turn).translated(*shift).rotated_deg(axis, angle).translated(z=z)
+
+
+def projection_minus_corners(camera, corners, points):
+    """Displacements in pixels by the formula of the thin lens; indices of grid and camera differ by a symmetry."""
+    grid, centres = grid_of(camera), pl.microlens_centres(camera, progress=False)
+    nearest = [np.hypot(*(centres.pixel - pixel).T).argmin() for pixel in grid.centre[::7]]
+    table = np.column_stack([grid.index[::7], np.ones(len(nearest))])
+    change = np.rint(np.linalg.lstsq(table, centres.index[nearest], rcond=None)[0])
+    position = (corners.index @ change[:2] + change[2]) @ camera.microlenses.basis / camera.microlenses.pitch
+    values = true_values(camera, None, pivot=(0, 0))
+    return project_views(values, position, corners.pixel, in_thin_axes(camera, points), PITCH).pixel

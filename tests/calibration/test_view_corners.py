@@ -6,11 +6,10 @@ import functools
 import board_shots
 import numpy as np
 import pytest
-from board_shots import DESIGN, PITCH, blurred_shot, found, grid_of, raw_of, shot_of, white_of
-from calibration_helpers import P, in_thin_axes, true_values
+from board_shots import DESIGN, PITCH, blurred_shot, found, grid_of, projection_minus_corners, raw_of, shot_of, white_of
+from calibration_helpers import P, true_values
 
 import plenoptic as pl
-from plenoptic.calibration.fitting.geometry import project_views
 from plenoptic.errors import InvalidValueError
 
 FOCUS = -478.0
@@ -28,17 +27,6 @@ def camera_of(lattice=pl.Lattice.HEXAGONAL):
 
 
 tilted = functools.partial(board_shots.tilted, z=FOCUS)
-
-
-def projection_minus_corners(camera, corners, points):
-    """Displacements in pixels by the formula of the thin lens; indices of grid and camera differ by a symmetry."""
-    grid, centres = grid_of(camera), pl.microlens_centres(camera, progress=False)
-    nearest = [np.hypot(*(centres.pixel - pixel).T).argmin() for pixel in grid.centre[::7]]
-    table = np.column_stack([grid.index[::7], np.ones(len(nearest))])
-    change = np.rint(np.linalg.lstsq(table, centres.index[nearest], rcond=None)[0])
-    position = (corners.index @ change[:2] + change[2]) @ camera.microlenses.basis / camera.microlenses.pitch
-    values = true_values(camera, None, pivot=(0, 0))
-    return project_views(values, position, corners.pixel, in_thin_axes(camera, points), PITCH).pixel
 
 
 @pytest.mark.parametrize("lattice", [pl.Lattice.HEXAGONAL, pl.Lattice.SQUARE])
