@@ -23,7 +23,10 @@ LIT = 0.1  # of the 99th percentile of this package's reference
 REFERENCE_SEED = 1_000_003
 PARTS = 8
 """Renders whose mean is a reference; their spread is its error."""
-SCENES = ("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights", "objects")
+SCENES = (
+    *("lambertian_bodies", "metals", "glass", "textured", "environment", "many_lights"),
+    *("fog", "haze", "cloud", "murky_glass", "objects"),
+)
 OURS = "plenoptic"
 
 # Makers of renderers take a scene and a camera; renderers a number of samples and a seed, and give (H, W) radiance, the

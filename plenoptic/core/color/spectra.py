@@ -120,9 +120,14 @@ class Sensitivity:
     @property
     def normalised(self) -> Sensitivity:
         """Sensitivity with channels of integral 1 over the wavelength, in 1/nm; lines stay unchanged."""
+        return self if self.response is None else Sensitivity(self.wavelengths, self.response / self.integral)
+
+    @property
+    def integral(self) -> Floats:
+        """Integral (C,) of each channel's response over the wavelength, nm; InvalidValueError for lines."""
         if self.response is None:
-            return self
-        return Sensitivity(self.wavelengths, self.response / _integral(self.wavelengths, self.response))
+            raise InvalidValueError("the channels are lines, whose response has no integral")
+        return _integral(self.wavelengths, self.response)
 
     def at(self, wavelengths: ArrayLike) -> Floats:
         """Response (m, C) at wavelengths (m,) in nm; InvalidValueError for lines, whose response is infinite."""

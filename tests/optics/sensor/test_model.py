@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
+from plenoptic.core.color import sensitivities
+from plenoptic.core.color.spectra import Sensitivity
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.color_filter import BayerPattern, bayer_from
 from plenoptic.optics.sensor.model import SensorModel
@@ -89,6 +91,57 @@ def test_photons_carry_the_energy_that_falls():
         assert rate * joules == pytest.approx(3.0 * (5e-6) ** 2, rel=1e-14)
     # EMVA 1288: 50.34 photons per um^2, ms, um and uW/cm^2; a micrometre of wavelength, 1e-2 W/m^2, 1 um^2, 1 ms.
     assert photon_rate(radiance=0.01, pixel_pitch=0.001, wavelength=1000.0) * 1e-3 == pytest.approx(50.34, abs=0.005)
+
+
+def test_photons_of_a_narrow_band_are_those_of_its_middle():
+    band = Sensitivity([549.0, 549.001, 550.999, 551.0], [0.0, 0.3, 0.3, 0.0])  # 1.999 nm wide
+    found = photon_rate(spectral_radiance=2.0, pixel_pitch=0.005, sensitivity=band)
+    # Energies instead of photons are constant over the band, which moves the mean by half its relative width.
+    assert found == pytest.approx(1.999 * photon_rate(radiance=2.0, pixel_pitch=0.005, wavelength=550.0), rel=2e-3)
+
+
+def test_photons_of_channels_are_those_of_their_quantum_efficiencies():
+    # QE of 0.2 and 0.8 over 100 nm each: response is QE times wavelength, of any unit.
+    wavelengths = np.array([400.0, 500.0, 500.001, 600.0])
+    efficiency = np.array([[0.2, 0.0, 0.2], [0.2, 0.0, 0.2], [0.0, 0.8, 0.2], [0.0, 0.8, 0.2]])
+    found = photon_rate(
+        spectral_radiance=1.0,
+        pixel_pitch=0.005,
+        sensitivity=Sensitivity(wavelengths, 7.0 * efficiency * wavelengths[:, None]),
+    )
+    # p^2 / (h c) integral of QE / 0.8 times the wavelength, in nm^2.
+    photons = (5e-6) ** 2 * 1e-9 / (6.62607015e-34 * 299792458.0)
+    blue, green = 0.5 * (500**2 - 400**2) / 4, 0.5 * (600**2 - 500**2)
+    assert found == pytest.approx([photons * n for n in (blue, green, blue + green / 4)], rel=1e-5)
+
+
+def test_luminance_is_radiance_times_luminous_efficacy():
+    # V at four wavelengths, tables of CIE 18.2 (1983), and its integral, 106.857 nm; the fit is within 0.01.
+    for wavelength, v in ((510.0, 0.503), (555.0, 1.0), (600.0, 0.631), (650.0, 0.107)):
+        bright = photon_rate(luminance=683.0 * v, pixel_pitch=0.01, wavelength=wavelength)
+        radiance = photon_rate(radiance=1.0, pixel_pitch=0.01, wavelength=wavelength)
+        assert bright == pytest.approx(radiance, rel=0.01 / v), wavelength
+    white = {"pixel_pitch": 0.01, "sensitivity": sensitivities.silicon()}
+    dim = photon_rate(luminance=683.0 * 106.857, **white)
+    assert dim == pytest.approx(photon_rate(spectral_radiance=1.0, **white), rel=2e-3)
+
+
+def test_light_and_its_measure_belong_together():
+    silicon, pitch = sensitivities.silicon(), {"pixel_pitch": 0.01}
+    for wrong, sentence in (
+        ({"radiance": 1.0}, "give either the wavelength"),
+        ({"radiance": 1.0, "wavelength": 550.0, "sensitivity": silicon}, "give either the wavelength"),
+        ({"radiance": 1.0, "sensitivity": silicon}, r"with a sensitivity, light is either spectral_radiance"),
+        ({"spectral_radiance": 1.0, "wavelength": 550.0}, "with a wavelength, light is either radiance"),
+        ({"radiance": 1.0, "luminance": 1.0, "wavelength": 550.0}, "with a wavelength, light is either radiance"),
+        ({"luminance": 1.0, "wavelength": 1500.0}, "light of 1500 nm is invisible"),
+        ({"luminance": -1.0, "sensitivity": silicon}, "luminance is -1 cd/m"),
+        ({"luminance": 1.0, "sensitivity": sensitivities.linear_srgb()}, "negative responses"),
+        ({"luminance": 1.0, "sensitivity": Sensitivity.lines([550.0])}, "lines"),
+        ({"luminance": 1.0, "sensitivity": 550.0}, "sensitivity is"),
+    ):
+        with pytest.raises(InvalidValueError, match=sentence):
+            photon_rate(**pitch, **wrong)
 
 
 def test_dark_current_doubles():
