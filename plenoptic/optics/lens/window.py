@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from plenoptic.core.values import check_kind, coefficients, coordinate, length_in_mm
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.glass.media import Medium, check_medium
+from plenoptic.optics.lens.checks.check import overlaps
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.stack import LensStack
@@ -65,8 +66,8 @@ def window(
     Raises
     ------
     PrescriptionError
-        If a number is out of range, a flat window has no distance, a dome around the entrance pupil would cut the lens,
-        or its model is NONE.
+        If a number is out of range, a flat window has no distance, the window would cut the lens, or the model of the
+        lens is NONE.
 
     Examples
     --------
@@ -107,8 +108,12 @@ def window(
     angles = coefficients(tilt, "tilt", "two angles in radians, about x and y")
     if len(angles) != 2:
         raise PrescriptionError(f"tilt is {tilt!r}; it must be two angles in radians, about x and y")
-    pivot = float(behind.vertices[1])
-    return behind if angles == (0.0, 0.0) else behind.moved(slice(0, 2), tilt=(*angles, 0.0), pivot=pivot)
+    if angles != (0.0, 0.0):
+        behind = behind.moved(slice(0, 2), tilt=(*angles, 0.0), pivot=float(behind.vertices[1]))
+    for finding in overlaps(behind):
+        if finding.elements == (1, 2):
+            raise PrescriptionError(f"the window cuts the lens: {finding.message}")
+    return behind
 
 
 def _gap(lens: LensStack, inner_radius: float) -> float:

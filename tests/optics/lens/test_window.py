@@ -90,7 +90,7 @@ def bare_matrix(lens):
 def test_gaussian_optics_of_a_lens_behind_a_flat_window():
     for name, thickness, gap in (
         ("double-gauss-100mm-f2", 10.0, 30.0),
-        ("cooke-triplet-50mm-f5", 1e-3, 0.0),
+        ("cooke-triplet-50mm-f5", 1e-3, 2.0),
         ("singlet-100mm-f4", 80.0, 1e6),
     ):
         lens = pl.load_lens(name)
@@ -236,6 +236,10 @@ def test_bad_windows_are_refused_with_a_sentence():
         ((lens, 10.0, GLASS, {"distance": 1.0, "outside": 1.33}), "outside is 1.33; it must be a medium"),
         ((lens, 10.0, GLASS, {"radius": 10.0}), "thickness 10 mm reaches the centre of the dome of radius 10 mm"),
         ((lens, 10.0, GLASS, {"radius": 30.0}), "dome of inner radius 20 mm .* would cut the lens"),
+        (
+            (lens, 10.0, GLASS, {"distance": 1.0, "tilt": (0.8, 0.0)}),
+            "the window cuts the lens: element 1 reaches up to",
+        ),
         ((lens, 10.0, GLASS, {"radius": -90.0}), "radius is -90 mm; it must be above 0"),
         ((lens, 10.0, GLASS, {"distance": 1.0, "tilt": 0.1}), "tilt is 0.1; it must be two angles"),
         ((lens, 10.0, GLASS, {"distance": 1.0, "tilt": (0.1, 0.0, 0.0)}), "tilt is .*; it must be two angles"),

@@ -53,6 +53,12 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> Findings:
     return Findings(sorted(all_findings, key=lambda finding: (finding.kind, finding.elements)))
 
 
+def overlaps(lens: LensStack) -> Iterator[Finding]:
+    """Findings about neighbouring elements that cross, without tracing."""
+    found = (finding for check in (_edges, _collisions) for finding in check(lens))
+    return (finding for finding in found if finding.kind is FindingKind.OVERLAP)
+
+
 def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:
     return [(i, element) for i, element in enumerate(lens.elements) if isinstance(element, Surface)]
 
@@ -129,7 +135,8 @@ def _collisions(lens: LensStack) -> Iterator[Finding]:
             # A stop blocks outside its opening.
             inside, ahead = ~second.contains(local[:, 0], local[:, 1]), -local[:, 2]
         if not inside.any():
-            yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} lie side by side; move one back")
+            if isinstance(second, Surface):
+                yield Finding(FindingKind.OVERLAP, (i, j), f"elements {i} and {j} lie side by side; move one back")
         elif float(ahead[inside].min()) < -1e-9 * float(np.abs(points).max()):
             message = (
                 f"element {i} reaches up to {-float(ahead[inside].min()):.3g} mm through element {j}, one of which is "
