@@ -1,3 +1,9 @@
+from .coatings.coating import Coating as Coating
+from .coatings.coating import FilmMaterial as FilmMaterial
+from .coatings.coating import Reflectance as Reflectance
+from .coatings.coating import SingleLayer as SingleLayer
+from .coatings.surface_powers import SurfacePowers as SurfacePowers
+from .coatings.surface_powers import surface_powers as surface_powers
 from .glass.air import Absolute as Absolute
 from .glass.air import Air as Air
 from .glass.air import AirFormula as AirFormula
