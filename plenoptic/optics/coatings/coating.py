@@ -251,7 +251,7 @@ class Reflectance:
             row = np.array([np.interp(nm, self.wavelengths, column) for column in table.T])
         if self.angles is None:
             return np.full(np.shape(cosine), row[0])
-        return np.interp(np.arccos(np.minimum(cosine, 1.0)), self.angles, row)
+        return np.asarray(np.interp(np.arccos(np.minimum(cosine, 1.0)), self.angles, row))
 
 
 SurfaceCoating: TypeAlias = SingleLayer | Coating | Reflectance
