@@ -15,6 +15,7 @@ from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, p
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.modify import coated
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost_finite, square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
@@ -151,7 +152,7 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
     grid, transmission = grid[transmission > 0], transmission[transmission > 0]
     points = np.concatenate([np.zeros((1, 2)), grid])
     # The transmission of the iris is known; tracing it would be decided by rounding at its edge and at cells of a mask.
-    opened_lens = lens.with_stop(CircularStop(_OPENING_FACTOR * lens.stop.semi_diameter))
+    opened_lens = coated(lens.with_stop(CircularStop(_OPENING_FACTOR * lens.stop.semi_diameter)), None)
     fractions, angles = [], []
     for x, y in {(sx * corner[0], sy * corner[1]) for sx in (-1, 1) for sy in (-1, 1)}:
         try:

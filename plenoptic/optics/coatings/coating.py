@@ -203,8 +203,8 @@ class Reflectance:
     wavelengths : (n,) array, optional
         Rising wavelengths in nm, between which the table is interpolated linearly. None: the same for all.
     angles : (angles,) array, optional
-        Rising angles of incidence in the medium of the lower index, radians; linear between them, constant beyond the
-        last one. None: the same at all angles.
+        Rising angles of incidence in the medium of the lower index, radians; linear in their cosine between them, since
+        reflectances are even in the angle, and constant beyond the first and the last. None: the same at all angles.
 
     Raises
     ------
@@ -251,7 +251,7 @@ class Reflectance:
             row = np.array([np.interp(nm, self.wavelengths, column) for column in table.T])
         if self.angles is None:
             return np.full(np.shape(cosine), row[0])
-        return np.asarray(np.interp(np.arccos(np.minimum(cosine, 1.0)), self.angles, row))
+        return np.asarray(np.interp(-np.asarray(cosine), -np.cos(self.angles), row))
 
 
 SurfaceCoating: TypeAlias = SingleLayer | Coating | Reflectance

@@ -44,6 +44,11 @@ class Medium(Protocol):
 def check_medium(medium: object, name: str) -> None:
     """Raise PrescriptionError if an object is no medium."""
     # A text or a list has an index(), too, which searches its items; a class has one without an instance.
+    if hasattr(medium, "complex_index"):
+        raise PrescriptionError(
+            f"{name} is {medium!r}, which absorbs within a wavelength; metals are the material of films, or mirrors: "
+            "pl.optics.MIRROR"
+        )
     if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
         raise PrescriptionError(
             f"{name} is {medium!r}; it must be a medium: pl.optics.AIR, pl.ConstantMedium(1.5) or a glass, such as "
