@@ -14,16 +14,8 @@ from plenoptic.core.display import draw, picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import (
-    Element,
-    check_stop,
-    checked_elements,
-    description,
-    is_glass,
-    profile_of,
-    refractive_indices,
-)
+from plenoptic.optics.glass.media import AIR, Medium, refractive_indices
+from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, description, is_glass, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.stop_registry import Stop
