@@ -23,6 +23,7 @@ from plenoptic.optics.lens.analysis.illumination import (
 from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf, mtf, point_spread
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram, ray_fan, spot_diagram
+from plenoptic.optics.lens.analysis.transmission import transmission
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
 from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf
@@ -73,6 +74,7 @@ __all__ = [
     "seidel_sums",
     "spot_diagram",
     "through_focus",
+    "transmission",
     "vignetting",
     "wave_mtf",
     "wave_spread",

@@ -16,7 +16,7 @@ from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.gaussian.paraxial import outer_indices
-from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, radiometric_lens_record
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import (
@@ -171,9 +171,9 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         sensor=sensor,
         array=microlens_record,
         pupil=PupilRecord(*bounds, plane, margin, pinhole),
-        lens=lens_record(lens, camera.wavelength, reverse=True),
+        lens=radiometric_lens_record(lens, camera.wavelength, reverse=True),
         colour=colour,
-        dispersed=None if colour is None else lens_record(lens, colour.wavelengths, reverse=True),
+        dispersed=None if colour is None else radiometric_lens_record(lens, colour.wavelengths, reverse=True),
         dust=placed_dust(camera, parts),
         parts=parts,
         microlenses=array,

@@ -1,3 +1,10 @@
+from .coatings.coating import Coating as Coating
+from .coatings.coating import FilmMaterial as FilmMaterial
+from .coatings.coating import Reflectance as Reflectance
+from .coatings.coating import SingleLayer as SingleLayer
+from .coatings.surface_powers import SurfacePowers as SurfacePowers
+from .coatings.surface_powers import surface_powers as surface_powers
+from .glass.absorption import AbsorbingGlass as AbsorbingGlass
 from .glass.air import Absolute as Absolute
 from .glass.air import Air as Air
 from .glass.air import AirFormula as AirFormula
@@ -26,6 +33,7 @@ from .lens.files.library import load_lens as load_lens
 from .lens.files.library import save_lens as save_lens
 from .lens.models import FocusCriterion as FocusCriterion
 from .lens.models import LensModel as LensModel
+from .lens.modify import coated as coated
 from .lens.no_lens import no_lens as no_lens
 from .lens.placement import Placement as Placement
 from .lens.specification import Specification as Specification

@@ -20,7 +20,7 @@ from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField
-from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, radiometric_lens_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entrance, entrance_polygon
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
@@ -182,7 +182,7 @@ def forward_record(camera: PlenopticCamera) -> ForwardRecord:
     return ForwardRecord(
         camera,
         parts,
-        lens_record(lens, camera.wavelength, reverse=False),
+        radiometric_lens_record(lens, camera.wavelength, reverse=False),
         lens.model in (LensModel.THIN, LensModel.PARAXIAL),
         None if lens_pose is None or lens_pose.turn[2, 2] == 1.0 else lens_pose.turn[2].copy(),
         entrance(lens, camera.wavelength),

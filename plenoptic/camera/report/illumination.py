@@ -14,7 +14,10 @@ import numpy as np
 from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.transmission import transmission_to
+from plenoptic.optics.lens.loss_record import has_losses
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.modify import coated
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost_finite, square_grid
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
@@ -151,7 +154,7 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
     grid, transmission = grid[transmission > 0], transmission[transmission > 0]
     points = np.concatenate([np.zeros((1, 2)), grid])
     # The transmission of the iris is known; tracing it would be decided by rounding at its edge and at cells of a mask.
-    opened_lens = lens.with_stop(CircularStop(_OPENING_FACTOR * lens.stop.semi_diameter))
+    opened_lens = coated(lens.with_stop(CircularStop(_OPENING_FACTOR * lens.stop.semi_diameter)), None)
     fractions, angles = [], []
     for x, y in {(sx * corner[0], sy * corner[1]) for sx in (-1, 1) for sy in (-1, 1)}:
         try:
@@ -162,6 +165,11 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
         fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
         angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
     return min(fractions), max(angles)
+
+
+def transmission_on_axis(lens: LensStack, z: float, wavelength: float) -> float | None:
+    """Fraction of the unvignetted light to the point z of the axis that a lens transmits; None without coatings."""
+    return transmission_to(lens, np.array([0.0, 0.0, z]), wavelength, _CORNER_GRID) if has_losses(lens) else None
 
 
 def front_view(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from plenoptic.camera.gaussian import model_pupil
 from plenoptic.camera.sampling.sampling_records import GROUP_SIDE, Openings
 from plenoptic.core.values import Floats, read_only
 from plenoptic.optics.lens.lens_record import ideal_stop_image, lens_record
+from plenoptic.optics.lens.loss_record import has_losses
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.pupil.exit_pupil import PupilBounds, pupil_bounds, rear_reach
 from plenoptic.optics.lens.pupil.outline import normals_of, polygon_around
@@ -141,6 +142,8 @@ def no_core_reason(camera: PlenopticCamera) -> str:
     array, parts, lens = camera.microlenses, assembly(camera), openings(camera.lens, camera.wavelength)
     if any(map(len, camera.blemishes)):
         return "dust stops light"
+    if has_losses(camera.lens):
+        return "surfaces of the lens take light"
     if not lens.exact.all():
         return "an opening is no circle and no polygon"
     if camera.sensitivity is not None:

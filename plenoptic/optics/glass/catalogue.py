@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -13,6 +14,7 @@ from plenoptic.core.files.file_limits import TEXT, FileLimits, read_file
 from plenoptic.core.files.text_lines import decode_text, name_line_in_errors, parse_number
 from plenoptic.core.values import LARGEST_WHOLE, check_has, check_kind, file_path, finite, set_field, value, whole
 from plenoptic.errors import FileError, InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.absorption import AbsorbingGlass
 from plenoptic.optics.glass.dispersion import COEFFICIENT_COUNTS, DispersionFormula, Formula
 from plenoptic.optics.glass.media import C_LINE, D_LINE, F_LINE, Medium, ModelGlass, Schott, Sellmeier, abbe_number
 
@@ -48,6 +50,8 @@ class GlassEntry:
     """Comment on the glass: its source, in bundled catalogues."""
     line: int = 0
     """First line of the entry in the file."""
+    transmission: Sequence[tuple[float, float, float]] = ()
+    """Wavelength in nm, internal transmittance, and its thickness in mm; empty if the file does not state it."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.source, str):
@@ -57,6 +61,7 @@ class GlassEntry:
             set_field(self, field, finite(getattr(self, field), field))
         for field in ("coefficients", "wavelength_range"):
             set_field(self, field, tuple(finite(number, field) for number in getattr(self, field)))
+        set_field(self, "transmission", tuple(tuple(map(float, row)) for row in self.transmission))
 
 
 @value
@@ -146,10 +151,11 @@ class GlassCatalogue:
 def load_glasses(path: str | os.PathLike[str], *, limits: FileLimits = TEXT) -> GlassCatalogue:
     """Load the glasses of an AGF file, the format of Zemax in which makers publish their catalogues.
 
-    Lines NM (name, formula, code, n_d, V_d), CD (coefficients), LD (range) and GC (comment) are read, all others
-    skipped: CC, and ED, TD, OD and IT, which state expansion, dn/dT, price and transmission. There are no thermal
-    terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1 to 13 are
-    supported: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
+    Lines NM (name, formula, code, n_d, V_d), CD (coefficients), LD (range), GC (comment) and IT (internal
+    transmittance) are read, all others skipped: CC, and ED, TD and OD, which state expansion, dn/dT and price. A glass
+    with lines IT is an `AbsorbingGlass`; lines IT that are not three numbers in range are skipped, too. There are no
+    thermal terms: the index is that at the temperature of the catalogue, mostly 20 deg C, relative to air. Formulas 1
+    to 13 are supported: 1 gives a `Schott`, 2, 6 and 11 a `Sellmeier`, all others a `DispersionFormula`.
 
     A line that begins with a number continues the one before it. Each glass is constructed on access: an invalid one
     does not affect the others. Invalid are an unknown formula, fewer coefficients than it has, and an n_d or V_d that
@@ -214,7 +220,7 @@ def glasses_from_agf(text: str, file: str, *, source: str = "") -> GlassCatalogu
             keyword, content = (*line.split(maxsplit=1), "")[:2]
             if keyword == "NM":
                 entries.append({**_name_line(content.split()), "line": number})
-            elif keyword in ("CD", "LD", "GC"):
+            elif keyword in ("CD", "LD", "GC", "IT"):
                 if not entries:
                     raise PrescriptionError(f"{keyword} stands before the first NM; a glass begins with its NM line")
                 _detail_line(entries[-1], keyword, content)
@@ -237,6 +243,9 @@ def _detail_line(entry: dict[str, Any], keyword: str, content: str) -> None:
     if keyword == "GC":
         entry["source"] = " ".join(filter(None, (entry.get("source"), content.strip())))
         return
+    if keyword == "IT":
+        entry["transmission"] = (*entry.get("transmission", ()), *_transmission_rows(content))
+        return
     field = "coefficients" if keyword == "CD" else "wavelength_range"
     if field in entry:
         raise PrescriptionError(f"{keyword} stands twice for {entry['name']}; remove one of them")
@@ -248,11 +257,32 @@ def _detail_line(entry: dict[str, Any], keyword: str, content: str) -> None:
     entry[field] = numbers
 
 
+def _transmission_rows(content: str) -> Iterator[tuple[float, float, float]]:
+    """Row of a line IT in nm and mm; none if its numbers are not a wavelength, a transmittance and a thickness."""
+    try:
+        micrometres, transmittance, thickness = (parse_number(word, "IT") for word in content.split()[:3])
+    except (PrescriptionError, ValueError):
+        return
+    if 0.0 < micrometres < math.inf and 0.0 <= transmittance <= 1.0 and 0.0 < thickness < math.inf:
+        yield 1e3 * micrometres, transmittance, thickness
+
+
 def _numbers(keyword: str, content: str) -> tuple[float, ...]:
     return tuple(parse_number(word, keyword) for word in content.split())
 
 
 def _medium(entry: GlassEntry) -> Medium:
+    medium = _dispersive_medium(entry)
+    # Of several thicknesses at a wavelength, the largest states absorption best.
+    rows = {wavelength: (wavelength, passed, mm) for wavelength, passed, mm in sorted(entry.transmission, key=_size)}
+    return AbsorbingGlass(medium, *zip(*(rows[nm] for nm in sorted(rows)), strict=True)) if rows else medium
+
+
+def _size(row: tuple[float, float, float]) -> float:
+    return row[2]
+
+
+def _dispersive_medium(entry: GlassEntry) -> Medium:
     if entry.formula == _MODEL_GLASS:
         return ModelGlass(entry.nd, entry.vd, entry.name)
     if entry.formula not in COEFFICIENT_COUNTS:

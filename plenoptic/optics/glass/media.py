@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from plenoptic.core.values import coefficients, finite, positive, set_field, value
+import numpy as np
+
+from plenoptic.core.values import Floats, coefficients, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
@@ -44,6 +46,11 @@ class Medium(Protocol):
 def check_medium(medium: object, name: str) -> None:
     """Raise PrescriptionError if an object is no medium."""
     # A text or a list has an index(), too, which searches its items; a class has one without an instance.
+    if hasattr(medium, "complex_index"):
+        raise PrescriptionError(
+            f"{name} is {medium!r}, which absorbs within a wavelength; metals are the material of films, or mirrors: "
+            "pl.optics.MIRROR"
+        )
     if isinstance(medium, Sequence | type) or not callable(getattr(medium, "index", None)):
         raise PrescriptionError(
             f"{name} is {medium!r}; it must be a medium: pl.optics.AIR, pl.ConstantMedium(1.5) or a glass, such as "
@@ -113,6 +120,17 @@ def set_limits(medium: Medium, limits: Sequence[float]) -> None:
         except InvalidValueError as error:
             last_error = error
     raise last_error
+
+
+def refractive_indices(media: Sequence[Medium], wavelength: float) -> Floats:
+    """Refractive indices of media at a wavelength in nm; an error for one below 1 or not finite."""
+    indices = np.array([float(medium.index(wavelength)) for medium in media])
+    for i in np.flatnonzero(~((indices >= 1.0) & (indices < np.inf))):
+        raise PrescriptionError(
+            f"the medium behind element {i - 1} has the refractive index {indices[i]:g} at {wavelength:g} nm; "
+            "it must be finite and at least 1: use another medium"
+        )
+    return indices
 
 
 def abbe_number(medium: Medium) -> float:

@@ -138,3 +138,17 @@ def profile_of(element: Element, z: float, points: int) -> Floats:
         sag = element.sag(0.0, y) if isinstance(element, Surface) else np.zeros_like(y)
     _, y, sag = to_lens_axes(element.placement, np.column_stack([np.zeros_like(y), y, sag])).T
     return np.stack([sag + z, y], axis=1)
+
+
+def description(elements: Sequence[Element], length: float) -> str:
+    """Numbers of surfaces, stops, coatings and elements out of place, and the length in mm, as text."""
+    surfaces = [element for element in elements if isinstance(element, Surface)]
+    stops, moved = len(elements) - len(surfaces), sum(element.placement is not None for element in elements)
+    coatings = sum(surface.coating is not None for surface in surfaces)
+    text = f"{_count(len(surfaces), 'surface')}, {_count(stops, 'stop')}, {length:g} mm long"
+    text += f", {_count(coatings, 'coating')}" if coatings else ""
+    return text + (f", {_count(moved, 'element')} out of place" if moved else "")
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"

@@ -12,6 +12,7 @@ from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, IDEAL, ElementRow
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
+from plenoptic.optics.lens.loss_record import LossRecord, loss_record
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.stops.stop_registry import Stop
@@ -83,6 +84,8 @@ class LensRecord(NamedTuple):
     indices all have. None: one wavelength."""
     direction: float
     """+1 towards the sensor, -1 towards the scene."""
+    losses: LossRecord | None = None
+    """Light that surfaces and glass take; None: weights change at stops alone."""
 
     @property
     def completed(self) -> LensRecord:
@@ -99,10 +102,10 @@ class LensRecord(NamedTuple):
         return completed
 
     def part(self, begin: int, end: int) -> LensRecord:
-        """Record of elements begin ... end - 1; `begin` must be 0 if the lens has masks."""
+        """Record of elements begin ... end - 1, without losses; `begin` must be 0 if the lens has masks."""
         by_element = ("rows", "conic", "aspheric", "freeform", "frames", "mirrors", "index_ratios")
         cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
-        return self._replace(first_edge=self.first_edge[begin : end + 1], **cut)
+        return self._replace(first_edge=self.first_edge[begin : end + 1], losses=None, **cut)
 
 
 def lens_record(
@@ -142,6 +145,13 @@ def lens_record(
     index = np.array([lens.indices(each) for each in wavelengths]).T
     ahead, behind = index[at], index[at + 1]
     return record._replace(index_ratios=np.ascontiguousarray(behind / ahead if reverse else ahead / behind))
+
+
+def radiometric_lens_record(lens: LensStack, wavelength: float | Floats, *, reverse: bool) -> LensRecord:
+    """Lens record for light: with the losses of a lens with coatings, which searches for rays do not need."""
+    wavelengths = tuple(np.array(wavelength, dtype=np.float64, ndmin=1).tolist())
+    record = lens_record(lens, wavelength, reverse=reverse)
+    return record._replace(losses=loss_record(lens, wavelengths, reverse=reverse))
 
 
 def _columns(rows: list[ElementRow], direction: float) -> LensRecord:

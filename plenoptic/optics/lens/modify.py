@@ -1,4 +1,4 @@
-"""Lenses made from others: elements moved, a stop inserted, or all lengths scaled."""
+"""Lenses made from others: elements moved, a stop inserted, all lengths scaled, or surfaces coated."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from plenoptic.core.values import finite, number
+from plenoptic.core.values import check_kind, finite, number
 from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.coatings.coating import SurfaceCoating
+from plenoptic.optics.coatings.surface_powers import check_coating
 from plenoptic.optics.lens.elements import Element, check_one_space, is_glass
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.placement import Placement, rotation_about_axes
@@ -110,3 +112,39 @@ def _scale_specification(specification: Specification, factor: float) -> Specifi
         length = getattr(specification, name)
         scaled[name] = None if length is None else factor * length
     return dataclasses.replace(specification, **scaled)
+
+
+def coated(lens: LensStack, coating: SurfaceCoating | None) -> LensStack:
+    """The lens with one coating on all surfaces between glass and air.
+
+    Cemented surfaces and mirrors stay as they are. If any surface of a lens has a coating, its rays and images lose the
+    light that all surfaces reflect, bare ones too, and that glasses of known transmittance absorb
+    (`AbsorbingGlass`). Models other than EXACT have no surfaces and lose none.
+
+    Parameters
+    ----------
+    lens : LensStack
+    coating : SingleLayer, Coating, Reflectance or None
+        ``Coating()`` is bare glass; None removes all coatings, also of cemented surfaces and mirrors: no light is lost.
+
+    Raises
+    ------
+    PrescriptionError
+        If `coating` is none.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> lens = pl.load_lens("double-gauss-100mm-f2")
+    >>> bare, single = (pl.optics.coated(lens, each) for each in (pl.optics.Coating(), pl.optics.SingleLayer()))
+    >>> axial = pl.RayBundle([[0, 0, -400.0]], [[0, 0, 1.0]])
+    >>> [each.trace(axial).weight.round(3).tolist() for each in (lens, bare, single)]
+    [[1.0], [0.59], [0.962]]
+    """
+    check_kind(lens, "lens", LensStack, 'pl.load_lens("double-gauss-100mm-f2")')
+    check_coating(coating)
+    elements: list[Element] = list(lens.elements)
+    for i, element in enumerate(elements):
+        if isinstance(element, Surface) and (coating is None or is_glass(lens, i) != is_glass(lens, i + 1)):
+            elements[i] = dataclasses.replace(element, coating=coating)
+    return dataclasses.replace(lens, elements=elements)

@@ -14,8 +14,8 @@ from plenoptic.core.display import draw, picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, choice, read_only, set_field, value, whole
 from plenoptic.errors import PrescriptionError
-from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, is_glass, profile_of
+from plenoptic.optics.glass.media import AIR, Medium, refractive_indices
+from plenoptic.optics.lens.elements import Element, check_stop, checked_elements, description, is_glass, profile_of
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.specification import Specification
 from plenoptic.optics.stops.stop_registry import Stop
@@ -142,13 +142,7 @@ class LensStack:
         >>> pl.load_lens("singlet-100mm-f4").indices(587.6).round(4)
         array([1.    , 1.    , 1.5168, 1.    ])
         """
-        values = np.array([float(medium.index(wavelength)) for medium in self.gap_media])
-        for i in np.flatnonzero(~((values >= 1.0) & (values < np.inf))):
-            raise PrescriptionError(
-                f"the medium behind element {i - 1} has the refractive index {values[i]:g} at {wavelength:g} nm; "
-                "it must be finite and at least 1: use another medium"
-            )
-        return read_only(values)
+        return read_only(refractive_indices(self.gap_media, wavelength))
 
     def with_model(self, model: LensModel) -> LensStack:
         """The same lens with another model, which `trace` and cameras use.
@@ -282,14 +276,8 @@ class LensStack:
         return tuple((i, j) for i, j in pairwise(surfaces) if is_glass(self, i + 1))
 
     def __repr__(self) -> str:
-        surfaces = sum(isinstance(element, Surface) for element in self.elements)
-        stops, moved = len(self.elements) - surfaces, sum(e.placement is not None for e in self.elements)
-        text = f"{surfaces} surface{'s' * (surfaces != 1)}, {stops} stop{'s' * (stops != 1)}, {self.length:g} mm long"
-        if moved:
-            text += f", {moved} element{'s' * (moved != 1)} out of place"
-        if self.model is not LensModel.EXACT:
-            text += f", as {self.model.name}"
-        return f"<LensStack {self.name!r}: {text}>"
+        model = "" if self.model is LensModel.EXACT else f", as {self.model.name}"
+        return f"<LensStack {self.name!r}: {description(self.elements, self.length)}{model}>"
 
     _repr_html_ = picture_of
 
@@ -308,6 +296,15 @@ class LensStack:
         from plenoptic.optics.lens.checks.check import findings  # imports this module
 
         return findings(self, wavelength)
+
+    def transmission(self, field: float = 0.0, wavelength: float = 587.6) -> float:
+        """Fraction of the unvignetted light of a field that surfaces and glasses transmit; see `coated`.
+
+        A field at infinity, in radians along y; see `pl.aberrations.transmission`, which takes others.
+        """
+        from plenoptic.optics.lens.analysis.transmission import transmission  # imports this module
+
+        return float(transmission(self, [field], wavelength=wavelength)[0])
 
     def layout(
         self,
@@ -370,8 +367,8 @@ class LensStack:
         Returns
         -------
         RayBundle
-            Origins on the last element. A lost ray has weight 0, a status, the index of its element, and NaN for origin
-            and direction.
+            Origins on the last element. Weights lose what coated lenses take, see `transmission`. A lost ray has weight
+            0, a status, the index of its element, and NaN for origin and direction.
 
         Examples
         --------

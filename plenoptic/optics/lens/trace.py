@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, check_kind
-from plenoptic.optics.lens.lens_record import LensRecord, lens_record
+from plenoptic.optics.lens.lens_record import LensRecord, lens_record, radiometric_lens_record
 from plenoptic.optics.lens.stack import LensStack
 
 CHUNK = 1 << 15
@@ -21,7 +21,7 @@ CHUNK = 1 << 15
 def trace_rays(lens: LensStack, rays: RayBundle, *, reverse: bool, threads: int | None = None) -> RayBundle:
     """Trace a bundle through a lens, or in reverse; see `LensStack.trace`."""
     check_kind(rays, "rays", RayBundle, "pl.RayBundle([[0, 0, -100]], [[0, 0, 1]])")
-    return trace_record(lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
+    return trace_record(radiometric_lens_record(lens, rays.wavelength, reverse=reverse), rays, threads=threads)
 
 
 def trace_part(

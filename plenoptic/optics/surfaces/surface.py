@@ -21,6 +21,8 @@ from plenoptic.core.values import (
     value,
 )
 from plenoptic.errors import PrescriptionError
+from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
+from plenoptic.optics.coatings.surface_powers import check_coating
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, SPHERE, ElementRow
 from plenoptic.optics.glass.media import AIR, Medium, check_medium
 from plenoptic.optics.lens.placement import Placement, set_place
@@ -68,12 +70,15 @@ class Surface:
         BiconicSag on a plane.
     placement : Placement, optional
         Decentre and tilt; see `LensStack.moved`. None: centred.
+    coating : SingleLayer, Coating or Reflectance, optional
+        Coating against reflections; see `coated`. None: bare glass. In a lens without any coating no light is lost. On
+        a mirror, the `Reflectance` of its metal; None: it reflects all light.
 
     Raises
     ------
     InvalidValueError
-        PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth beyond the surface, or a
-        medium without an index; its base class for numbers that are not finite.
+        PrescriptionError for a radius of 0 or nan, a negative gap, a semi-diameter or depth beyond the surface, a
+        medium without an index, or films on a mirror; its base class for numbers that are not finite.
 
     Examples
     --------
@@ -99,6 +104,7 @@ class Surface:
     depth: float | None = dataclasses.field(default=None, kw_only=True)
     freeform: FreeformTerm | None = dataclasses.field(default=None, kw_only=True)
     placement: Placement | None = dataclasses.field(default=None, kw_only=True)
+    coating: SurfaceCoating | None = dataclasses.field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         set_field(self, "radius", signed_radius(self.radius, "radius"))
@@ -127,6 +133,11 @@ class Surface:
         if self.depth is not None:
             set_field(self, "depth", self._checked_depth(self.depth))
         check_medium(self.medium, "medium")
+        check_coating(self.coating)
+        if isinstance(self.medium, Mirror) and not (self.coating is None or isinstance(self.coating, Reflectance)):
+            raise PrescriptionError(
+                f"coating of a mirror is {self.coating!r}; it must be a pl.optics.Reflectance, that of its metal"
+            )
 
     def _checked_coefficients(self) -> tuple[float, ...]:
         terms = list(coefficients(self.aspheric, "aspheric", "a sequence of coefficients, of r^2 first"))
@@ -233,7 +244,9 @@ class Surface:
             return self
         radius = 1.0 / self.vertex_curvature if self.vertex_curvature else math.inf
         size = min(self.semi_diameter, abs(radius))
-        return Surface(radius, self.thickness, self.medium, semi_diameter=size, placement=self.placement)
+        return Surface(
+            radius, self.thickness, self.medium, semi_diameter=size, placement=self.placement, coating=self.coating
+        )
 
     @property
     def equator(self) -> float:

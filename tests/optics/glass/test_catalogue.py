@@ -54,7 +54,7 @@ def test_a_catalogue_is_a_mapping_from_names_to_media(tmp_path):
     mine = _written(tmp_path, MINE)
     assert mine.names == tuple(mine) == ("MY-BK7", "OLD", "ALN", "INFRARED") and len(mine) == 4
     assert repr(mine) == "<GlassCatalogue 'mine.agf': 4 glasses>" and "my bk7" in mine and "BK7" not in mine
-    assert mine["my_bk7"] == Sellmeier(
+    assert mine["my_bk7"].medium == Sellmeier(
         (1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), "MY-BK7", (300.0, 2500.0)
     )
     assert mine["old"] == Schott(glass("BK7").coefficients, "OLD", (365.0, 1014.0))

@@ -18,6 +18,7 @@ from plenoptic.core.values import Floats, check_kind, number, result, whole
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
 from plenoptic.optics.lens.elements import with_round_stops
+from plenoptic.optics.lens.modify import coated
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, MOST_ACROSS, hexapolar, outermost_finite
 from plenoptic.optics.lens.pupil.ray_aiming import aimed_rays, aimed_rays_reverse
 from plenoptic.optics.lens.stack import LensStack
@@ -144,7 +145,8 @@ def vignetting(
     >>> vignetting.fraction.round(2).tolist()
     [0.99, 0.68, 0.36]
     """
-    radii, stop = checked_fields(lens, fields, z_object), lens.stop
+    radii, lens = checked_fields(lens, fields, z_object), coated(lens, None)
+    stop = lens.stop
     side = whole(grid, "grid", at_least=2, at_most=MOST_ACROSS)
     # Off the centre, so that a symmetric aperture has no symmetric grid.
     x, y = (-1.0 + 2.0 / side * (np.arange(side) + 0.5 + offset) for offset in (-0.13, 0.29))
@@ -255,8 +257,25 @@ def relative_illumination(
 
 def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelength: float) -> tuple[float, float]:
     """Projected solid angle of the light at an image point (3,), in sr, and its relative standard error."""
-    if not np.isfinite(point).all():
+    light = _light_at(lens, point, cells, wavelength)
+    if light is None:
         return 0.0, 0.0
+    _, out, area = light
+    return float(out.weight.sum()) * area, _COUNTING / np.count_nonzero(out.status == 0) ** 0.75
+
+
+def light_directions(lens: LensStack, point: Floats, cells: int, wavelength: float) -> RayBundle | None:
+    """Rays from an image point (3,) that pass the lens towards the scene, uniform over l and m; None if it is dark."""
+    light = _light_at(lens, point, cells, wavelength)
+    return None if light is None else light[0].selected(light[1].status == 0)
+
+
+def _light_at(
+    lens: LensStack, point: Floats, cells: int, wavelength: float
+) -> tuple[RayBundle, RayBundle, float] | None:
+    """Rays from an image point on a grid around those that pass the lens, behind the lens, and their area dl dm."""
+    if not np.isfinite(point).all():
+        return None
     aimed = aimed_rays_reverse(
         lens, image_point=point[:2], z_image=float(point[2]), pupil=hexapolar(4), wavelength=wavelength
     )
@@ -271,10 +290,10 @@ def _projected_solid_angle(lens: LensStack, point: Floats, cells: int, wavelengt
         l, m = (axis.ravel() for axis in np.meshgrid(*(low[:, None] + (high - low)[:, None] * offsets)))
         real = l * l + m * m < 1
         cosines = np.column_stack([l, m, -np.sqrt(np.maximum(1.0 - l * l - m * m, 0.0))])[real]
-        out = lens.trace_reverse(RayBundle(np.broadcast_to(point, cosines.shape), cosines, wavelength))
-        passed, light = cosines[out.status == 0, :2], float(out.weight.sum())
-        step = (high - low) / n
+        rays = RayBundle(np.broadcast_to(point, cosines.shape), cosines, wavelength)
+        out = lens.trace_reverse(rays)
+        passed, step = cosines[out.status == 0, :2], (high - low) / n
         if len(passed) == 0:
-            return 0.0, 0.0
+            return None
         low, high = passed.min(axis=0) - step, passed.max(axis=0) + step
-    return light * float(step[0] * step[1]), _COUNTING / len(passed) ** 0.75
+    return rays, out, float(step[0] * step[1])

@@ -2,8 +2,8 @@
 
 A file is an object with `format`, `name`, `source`, `iris` (index of the element that is the iris), and `elements`.
 Defaults are omitted: `front_medium`, `rear_medium`, `model`, `specification`, `conic`, `aspheric`, `depth`, `freeform`,
-`blade_radius` and `placement` are optional. Stops are circle, polygon, star, mask or ring; the `transmission` of a mask
-is a list of its rows. A medium is one of
+`coating`, `blade_radius` and `placement` are optional. Stops are circle, polygon, star, mask or ring; the
+`transmission` of a mask is a list of its rows. A medium is one of
 
     "air"
     "mirror"               reflecting surface; one that folds the axis is given by its fields
@@ -37,6 +37,8 @@ from plenoptic.optics.surfaces.surface import Surface
 
 _FORMAT = "plenoptic-lens-1"
 _MEDIA = ("front_medium", "rear_medium")
+_VALUES = ("freeform", "coating")
+"""Fields of a surface that are values of this package."""
 _UNREADABLE = (FileError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError)
 """Errors of constructors, which validate all numbers of a file."""
 _NAMED: dict[str, Medium] = {"air": AIR, "mirror": MIRROR}
@@ -176,7 +178,8 @@ def _element_to_json(element: Element, i: int) -> dict[str, Any]:
         row = {"radius": radius, **size, "medium": _medium_to_json(element.medium, f"behind element {i}")}
         members = {name: getattr(element, name) for name in ("conic", "aspheric", "depth")}
         row |= {name: item for name, item in members.items() if item not in (0.0, (), None)}
-        row |= {"freeform": to_tree(element.freeform)} if element.freeform is not None else {}
+        values = {name: getattr(element, name) for name in _VALUES}
+        row |= {name: to_tree(item) for name, item in values.items() if item is not None}
     else:
         row = _stop_to_json(element, size)
     if element.placement is not None:
@@ -213,8 +216,7 @@ def _element_from_json(data: Any, i: int) -> Element:
             return STOPS[row.pop("stop")].stop(**row)
         row["radius"] = math.inf if row["radius"] is None else row["radius"]
         row["medium"] = _medium_from_json(row["medium"])
-        if "freeform" in row:
-            row["freeform"] = from_tree(row["freeform"])
+        row |= {name: from_tree(row[name]) for name in _VALUES if name in row}
         return Surface(**row)
     except _UNREADABLE as error:
         raise PrescriptionError(f"element {i}: {error}") from None
@@ -226,7 +228,7 @@ def _element_fields(data: Any) -> dict[str, Any]:
         keys = "radius thickness semi_diameter medium"
         if isinstance(data, dict) and "departure" in data:  # the former name
             data = {"freeform" if name == "departure" else name: field for name, field in data.items()}
-        return dict(_fields(data, "it", keys, "conic aspheric depth freeform placement"))
+        return dict(_fields(data, "it", keys, "conic aspheric depth freeform coating placement"))
     name = data["stop"]
     if not (isinstance(name, str) and name in STOPS):
         first, *middle, last = (f'"{kind}"' for kind in STOPS)

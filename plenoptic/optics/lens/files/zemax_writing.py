@@ -63,6 +63,7 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
         "goes beyond its equator": element.depth is not None,
         f"has more than {_TERMS} coefficients": len(element.aspheric) > _TERMS,
         "has a freeform term": element.freeform is not None,
+        "has a coating": element.coating is not None,
     }
     for reason, is_so in refused.items():
         if is_so:

@@ -8,6 +8,7 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
+from plenoptic.optics.coatings.kernels.losses import absorb, add_depth, begin_depth, store_ray, weaken
 from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
 from plenoptic.optics.lens.kernels.aspheric_refraction import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.conditioning_probes import (
@@ -77,8 +78,13 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
 
     With `waves`, each ray has its own wavelength: waves[first + i] is the column of `lens.index_ratios` for ray i of
     the block. `index_ratios` (BLOCK,) is then a buffer. With `probes` (elements, PROBE_ROWS, BLOCK), the conditioning
-    is recorded. With `path`, optical path lengths are computed.
+    is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights are what surfaces transmit.
     """
+    if lens.losses is not None:
+        places = np.empty(BLOCK)
+        if lens.losses.attenuation is not None:
+            gap_start = np.empty((7, BLOCK))
+            begin_depth(gap_start)
     if path is not None:
         begin_path(path, ray)
     if probes is not None:
@@ -105,6 +111,9 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
             store_incident(incident, probes[k], ray)
         if path is not None:
             store_start(path, ray)
+        if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
+            if lens.losses.attenuation is not None and lens.losses.absorbing[k]:
+                store_ray(gap_start, ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
         if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
@@ -128,9 +137,14 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
                     refract_asphere(ray, row, shape, lens.freeform[k], index_ratios, s, code, steps)
         if path is not None:
             add_path(path, ray, k)
+        if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
+            if lens.losses.attenuation is not None and lens.losses.absorbing[k]:
+                add_depth(gap_start, ray, lens.losses.attenuation[k], waves, first)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
+        if lens.losses is not None:
+            weaken(ray, lens, k, waves, first, index_ratios, places)
         if probes is not None:
             _record_element(probes, incident, ray, lens, k, index_ratios)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
@@ -139,6 +153,9 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
         if lens.frames is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.frames[k, MOVED] != 0.0:
                 out_of_frame(ray, lens.frames[k])
+    if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
+        if lens.losses.attenuation is not None:
+            absorb(ray, gap_start)
     _leave(ray, rows[rows.size - 1].z)
 
 

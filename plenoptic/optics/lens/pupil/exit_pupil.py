@@ -134,11 +134,11 @@ _REMEMBERED = 64
 
 
 class _ByContent:
-    """Lens record as a cache key: equal to another one with the same numbers."""
+    """Lens record as a cache key: equal to another one with the same arrays, its losses apart."""
 
     def __init__(self, lens: LensRecord) -> None:
         self.lens = lens
-        self._key = tuple(None if column is None else (column.shape, column.tobytes()) for column in lens[:-1])
+        self._key = tuple(None if column is None else (column.shape, column.tobytes()) for column in lens[:-2])
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _ByContent) and self._key == other._key

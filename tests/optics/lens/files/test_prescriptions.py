@@ -119,12 +119,16 @@ EVERYTHING = LensStack(
     [
         pl.PolygonStop(7, 3.0, 0.1, 0.3, blade_radius=8.1),
         Surface(1 / 3 * 100, 0.1 + 0.2, ConstantMedium(1 / 3 + 1.4), semi_diameter=10.0),
-        Surface(math.inf, 1e-300, ModelGlass(1.699, 30.1, "SF15"), semi_diameter=9.0),
+        Surface(math.inf, 1e-300, ModelGlass(1.699, 30.1, "SF15"), semi_diameter=9.0,
+                coating=pl.optics.Coating([(BK7, 99.6), (pl.optics.FilmMaterial(0.05, 3.9), 1 / 3)])),
         Surface(-1e300, 2.0, pl.Sellmeier((1.0, 0.2), (0.006, 0.02), "S", (400.0, 700.0)), semi_diameter=9.0),
-        Surface(-55.5, 2.0, Schott((2.27, -0.01, 0.0106, 2.1e-4, -7.6e-6, 4.9e-7)), semi_diameter=9.0),
-        Surface(70.0, 2.0, Absolute(BK7), semi_diameter=9.0, aspheric=(1e-3 / 7, -1e-15)),
+        Surface(-55.5, 2.0, Schott((2.27, -0.01, 0.0106, 2.1e-4, -7.6e-6, 4.9e-7)), semi_diameter=9.0,
+                coating=pl.optics.SingleLayer(wavelength=501.1)),
+        Surface(70.0, 2.0, Absolute(BK7), semi_diameter=9.0, aspheric=(1e-3 / 7, -1e-15),
+                coating=pl.optics.Reflectance([0.1 / 3, 0.2], wavelengths=[400.0, 700.0])),
         Surface(-44.4, 2.0, Absolute(BK7, Air(25.0, 99.0, humidity=0.5)), semi_diameter=9.0, conic=-1.5),
         Surface(5.0, 9.0, DispersionFormula(Formula.CONRADY, (1.5, 0.004, 0.0003)), semi_diameter=5.0, depth=7.5),
+        Surface(55.0, 2.0, pl.optics.AbsorbingGlass(BK7, [400.0, 700.0], [0.1 / 3, 1.0], 25.0), semi_diameter=5.0),
         Surface(9.0, 2.0, Air(25.0, 99.0, formula=AirFormula.EDLEN), semi_diameter=5.0, conic=0.1, aspheric=(0, 1e-5)),
         Surface(math.inf, 2.0, Air(25.0, 99.0), semi_diameter=1.0, placement=Placement(shift=(0.1, -0.0, 0.3)),
                 freeform=pl.optics.ZernikeSag((0.0, 0.0, 0.0, 0.1 / 3), 9.0)),
@@ -133,7 +137,7 @@ EVERYTHING = LensStack(
         pl.optics.RingStop(5.0, 1.0),
         CircularStop(2.0, placement=Placement(rotation=rotation_about_axes((0.1, 0.2, 0.3)))),
     ],
-    iris=10,
+    iris=11,
     name='ein "Objektiv" \u2013 \U0001f4f7',
     source="line one\nline two",
     front_medium=Air(25.0, 99.0),
@@ -153,11 +157,11 @@ def test_what_is_written(tmp_path: Path):
     save_lens(EVERYTHING, path)
     rows = [line for line in path.read_text().splitlines() if "semi_diameter" in line]
     assert len(rows) == len(EVERYTHING.elements)
-    placement = EVERYTHING.elements[9].placement
+    placement = EVERYTHING.elements[10].placement
     expected = {"shift": [0.1, -0.0, 0.3], "rotation": placement.rotation.tolist()}
-    assert json.loads(path.read_text())["elements"][9]["placement"] == expected
+    assert json.loads(path.read_text())["elements"][10]["placement"] == expected
     save_lens(singlet, path)
-    for absent in ("conic", "aspheric", "depth", "placement", "front_medium", "rear_medium", "model"):
+    for absent in ("conic", "aspheric", "depth", "coating", "placement", "front_medium", "rear_medium", "model"):
         assert absent not in path.read_text()
 
 

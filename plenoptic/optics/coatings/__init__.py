@@ -1,0 +1,1 @@
+"""Light that surfaces reflect, transmit and absorb: bare glass and thin films."""

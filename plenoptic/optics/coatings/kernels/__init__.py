@@ -1,0 +1,1 @@
+"""Kernels: light that surfaces and glass take from rays."""

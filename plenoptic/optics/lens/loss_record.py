@@ -1,0 +1,70 @@
+"""Record of the light that a lens takes from rays: transmittance of surfaces, and attenuation in glass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.core.values import Floats
+from plenoptic.optics.coatings.coating import Reflectance
+from plenoptic.optics.coatings.surface_powers import surface_powers
+from plenoptic.optics.glass.absorption import attenuation
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.surfaces.mirror import Mirror
+from plenoptic.optics.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from plenoptic.optics.lens.stack import LensStack
+
+_INTERVALS = 1024
+"""Intervals of the squared cosine, which needs no square root. Linear interpolation is within 3e-7 for bare glass up to
+60 degrees, 5e-6 up to 75, 2e-4 up to 85."""
+
+
+class LossRecord(NamedTuple):
+    """Losses of the elements of a `LensRecord`, in the order of travel, at its wavelengths."""
+
+    transmittance: Floats
+    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index; 1 for
+    stops."""
+    attenuation: Floats | None
+    """(n, wavelengths) attenuation coefficient in 1/mm in front of each element, 0 for the first; None if all are 0."""
+    absorbing: NDArray[np.bool_] | None
+    """(n,) True if it is not 0."""
+
+
+def has_losses(lens: LensStack) -> bool:
+    """True if images include the losses of a lens: it is traced exactly, and a surface has a coating."""
+    coatings = (element.coating for element in lens.elements if isinstance(element, Surface))
+    return lens.model is LensModel.EXACT and any(coating is not None for coating in coatings)
+
+
+def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: bool) -> LossRecord | None:
+    """Losses of a lens at wavelengths in nm; None if it has no coating."""
+    if not has_losses(lens):
+        return None
+    nm, cosines = np.array(wavelengths)[:, np.newaxis], np.sqrt(np.linspace(0.0, 1.0, _INTERVALS + 1))
+    indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
+    transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
+    for k, element in enumerate(lens.elements):
+        if isinstance(element, Surface):
+            low, high = (pick(indices[:, k], indices[:, k + 1]) for pick in (np.minimum, np.maximum))
+            powers = surface_powers(element.coating, low, high, cosines, nm)
+            is_mirror = isinstance(element.medium, Mirror)
+            transmittance[k] = powers.transmittance if not is_mirror else _mirror(element, powers.reflectance)
+    order = slice(None, None, -1 if reverse else 1)
+    # Before the first element, the origin of a ray is arbitrary.
+    per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in lens.gap_media])
+    per_mm = per_mm[1:][order] if reverse else per_mm[:-1].copy()
+    per_mm[0] = 0.0
+    absorbing = np.asarray(per_mm.any(axis=1))
+    if not absorbing.any():
+        return LossRecord(np.ascontiguousarray(transmittance[order]), None, None)
+    return LossRecord(np.ascontiguousarray(transmittance[order]), np.ascontiguousarray(per_mm), absorbing)
+
+
+def _mirror(element: Surface, reflectance: Floats) -> Floats:
+    """Light that goes on behind a mirror."""
+    return reflectance if isinstance(element.coating, Reflectance) else np.ones_like(reflectance)
