@@ -123,10 +123,10 @@ class _SceneNames:
         self._scene, self._record = scene, record
         self._instance_of = None if moving is None else moving.instance_of
         self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
-        classes = {DrawnKind.POINT: PositionalLight, DrawnKind.SHEET: Sheet, DrawnKind.SUN: DistantLight}
+        classes: list[tuple[DrawnKind, Any]] = [(DrawnKind.POINT, PositionalLight), (DrawnKind.SUN, DistantLight)]
         self._lights = {
             kind: [i for i, light in enumerate(scene.lights) if isinstance(light, of_kind)]
-            for kind, of_kind in classes.items()
+            for kind, of_kind in (*classes, (DrawnKind.SHEET, Sheet))
         }
         repeated = [(i, len(mesh)) for i, mesh in enumerate(scene.meshes) if isinstance(mesh, Instances)]
         self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)

@@ -138,13 +138,13 @@ def jerlov_water(water_type: str) -> Medium:
     """
     if not isinstance(water_type, str) or water_type not in _JERLOV:
         raise InvalidValueError(f"water_type is {water_type!r}; it must be one of {', '.join(_JERLOV)}")
-    absorption, scattering = (
-        (red, green_550 + 0.8 * (green_525 - green_550), blue)
-        for red, green_550, green_525, blue in _JERLOV[water_type]
-    )
-    g = _PARTICLE_COSINE * (1.0 - 1e3 * _WATER[1][1] / scattering[1])
-    in_mm = [tuple(round(1e-3 * coefficient, 9) for coefficient in colour) for colour in (absorption, scattering)]
-    return Medium(*in_mm, HenyeyGreenstein(g))
+    absorption, scattering = (_per_mm(*row) for row in _JERLOV[water_type])
+    return Medium(absorption, scattering, HenyeyGreenstein(_PARTICLE_COSINE * (1.0 - _WATER[1][1] / scattering[1])))
+
+
+def _per_mm(red: float, green_550: float, green_525: float, blue: float) -> tuple[float, float, float]:
+    """Coefficients per mm at 600, 530 and 450 nm."""
+    return round(1e-3 * red, 9), round(2e-4 * green_550 + 8e-4 * green_525, 9), round(1e-3 * blue, 9)
 
 
 def fog(visibility: float, *, g: float = 0.85) -> Medium:
