@@ -15,6 +15,7 @@ from plenoptic.camera.sampling.region_bounds import array_bounds, bounds_reason,
 from plenoptic.camera.sampling.sampling_records import Openings
 from plenoptic.core.color.spectra import ColourTables, colour_tables
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import outer_indices
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.stack import LensStack
@@ -134,6 +135,15 @@ class CameraRecord(NamedTuple):
     def frame(self) -> Floats | None:
         """(12,): from the axes in which the array is traced to the lens's; None if they differ in z alone."""
         return self.parts.frame
+
+    @property
+    def front(self) -> Floats:
+        """(3,): the point of the lens's axis at which rays leave the lens towards the scene, in the world, in mm."""
+        last = self.lens.rows[-1]
+        z = float(last["z"]) + (float(last["max_depth"]) if last["kind"] == IDEAL else 0.0)
+        if self.rotation is None or self.position is None:
+            return np.array([0.0, 0.0, z])
+        return np.asarray(self.position + z * self.rotation[:, 2])
 
     def lenslet_parameters(self, n: int) -> NDArray[np.void] | None:
         """Empty lenslet parameters of n paths, in whole blocks; None if all microlenses are alike."""

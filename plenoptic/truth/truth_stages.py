@@ -233,8 +233,7 @@ class PixelStages:
         if scene.absorption is None:
             return
         extinction = scene.absorption if scene.media is None else scene.media.extinction
-        place = np.zeros(3) if self._camera.position is None else self._camera.position
-        bodies = media_at(scene, self._intersector, place)
+        bodies = media_at(scene, self._intersector, self._camera.front)
         if (bodies >= 0).any():
             innermost = extinction[bodies[bodies >= 0][-1]]
             shares[hits.pixels] = np.exp(-hits.distance[:, np.newaxis] * innermost)

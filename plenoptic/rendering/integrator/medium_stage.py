@@ -24,7 +24,8 @@ class MediumStage:
     def __init__(self, scene: SceneRecord, glass_index: Floats, capacity: int, channels: int) -> None:
         assert scene.media is not None
         self._scene, self._media, self._glass_index = scene, scene.media, glass_index
-        self._flights = np.empty(capacity)
+        self._flights, self._reach = np.empty(capacity), np.empty(capacity)
+        self._surrounding = -1 if scene.surrounding is None else scene.surrounding
         self._buffer = Interactions(
             rows=np.empty((capacity, INTERACTION_COLUMNS)),
             ray=np.empty(capacity, dtype=np.int64),
@@ -45,7 +46,9 @@ class MediumStage:
         sobol.fill_samples(
             random, buffer.key, buffer.number, keys.path[:n], keys.key, keys.number, _FLIGHT_SETS + bounce
         )
-        kernels.end_flights(flights, queue, hits, scene.geometry, self._glass_index, self._media, random, wavelengths)
+        reach = self._reach[:n]
+        kernels.fill_reaches(reach, queue, hits, scene.geometry, self._glass_index, self._surrounding)
+        kernels.end_flights(flights, reach, queue, hits, self._media, random, wavelengths)
         self._vertices = buffer.first(int(kernels.fill_vertices(buffer, flights, queue)))
         points = self._vertices
         sobol.fill_samples(random, points.key, points.number, points.path, keys.key, keys.number, bounce + 1)

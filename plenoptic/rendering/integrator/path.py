@@ -72,14 +72,18 @@ class PathIntegrator:
         queues = [self._ray_queue(capacity) for _ in range(2 if self._scatters else 1)]
         self._queue, self._next_queue = queues[0], queues[-1]
         if scene.absorption is not None:
-            self._media = media_at(scene, intersector, np.zeros(3) if camera.position is None else camera.position)
+            self._media = media_at(scene, intersector, camera.front)
             glass = None if scene.bsdf is None else scene.bsdf.glass_index
             self._glass_index = np.zeros((len(scene.absorption), 2)) if glass is None else glass
+        self._absorption = scene.absorption
         self._medium_stage: MediumStage | None = None
         if plan.runs(Stage.MEDIA):
             from plenoptic.rendering.integrator.medium_stage import MediumStage
 
             self._medium_stage = MediumStage(scene, self._glass_index, capacity, channels)
+        elif scene.media is not None:
+            # Without bounces, light that would be scattered is lost.
+            self._absorption = scene.media.extinction
         if scene.emission is not None:
             from plenoptic.rendering.integrator.kernels.emission import add_emission
 
@@ -186,10 +190,10 @@ class PathIntegrator:
             self._sky_emission(radiance, queue, hits, scene.lights.sky, wavelengths)
         if self._medium_stage is not None:
             self._medium_stage.end_flights(queue, hits, self._path_keys(), bounce, wavelengths)
-        if scene.absorption is not None and scene.geometry is not None:
+        if self._absorption is not None and scene.geometry is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_absorption
 
-            fill_absorption(queue, hits, scene.geometry, self._glass_index, scene.absorption, wavelengths)
+            fill_absorption(queue, hits, scene.geometry, self._glass_index, self._absorption, wavelengths)
         if scene.emission is not None:
             self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
 

@@ -104,6 +104,75 @@ def test_white_media_vanish_in_a_furnace(g):
         assert abs(mean - 1.0) < 4.5 * error + 1e-3, scene
 
 
+@pytest.mark.parametrize(
+    "material", [pl.MetallicRoughness(1.0, opacity=0.0), pl.materials.ThinGlass(1.0), pl.Dielectric(1.0)]
+)
+def test_paths_scatter_in_front_of_transparent_panes(material):
+    # The pane lies 100 mm away, two mean free paths: paths that scatter before it are most of the light.
+    pane = flat(pl.box((100.0, 100.0, 1.0), center=(0, 0, -100.0), material=material))
+    scene = pl.Scene([SHELL, pane], medium=Medium(0.0, 0.02))
+    mean, error = whole(radiance(scene, pinhole(), samples=32, seeds=8, max_bounces=300))
+    assert error < 0.02
+    assert abs(mean - 1.0) < 4.5 * error + 1e-3
+
+
+def test_rays_that_leave_a_body_by_rounding_see_the_sky_once():
+    # A speck 10 m away rounds coordinates to some 1e-3 mm, of mean free paths of 0.05 mm.
+    speck = flat(pl.box(10.0, center=(0, 0, -1e4), material=pl.Lambertian(0.0)))
+    dense = pl.Dielectric(1.0, medium=Medium(0.0, 20.0))
+    cube = flat(pl.box(1.0, center=(0, 0, -10.0), material=dense))
+    seen = radiance_once(pl.Scene([cube, speck], background=1.0), pinhole(0.05), samples=64, max_bounces=2000)
+    # All paths see the sky once, but those that have not left after 2000 bounces.
+    assert seen.max() < 1.0 + 1e-6
+    assert seen.mean() > 0.999
+
+
+def test_light_that_would_scatter_is_lost_without_bounces():
+    # An optical depth of 1; and in a body, of 0.8 with absorption.
+    settings = {"samples": 4, "max_bounces": 0}
+    seen = radiance_once(pl.Scene([], [WALL], medium=Medium(0.0, 0.01)), NARROW, **settings)
+    assert seen.mean() == pytest.approx(math.exp(-1.0), rel=2e-6)
+    around = flat(pl.box(40.0, material=pl.Dielectric(1.0, medium=Medium(0.01, 0.03))))
+    # The surface of the body lets no light pass without a bounce.
+    shining = pl.Emissive(1.0, two_sided=True)
+    inner = flat(pl.box((4.0, 4.0, 1.0), center=(0, 0, -15.5), material=shining))
+    seen = radiance_once(pl.Scene([around, inner]), NARROW, **settings)
+    assert seen.mean() == pytest.approx(math.exp(-15.0 * 0.04), rel=2e-6)
+
+
+@pytest.mark.parametrize("pose", [None, ((30.0, -20.0, 10.0), (130.0, 0.0, -60.0))])
+def test_media_are_found_in_front_of_the_lens(pose):
+    # The front of the lens is 34 mm before the iris: in the body, which does not hold the iris.
+    camera = pl.load_camera("michels-2018-plenoptic-1")
+    assert camera.lens.vertices[0] == pytest.approx(-33.77)
+    middle, along = np.zeros(3), np.array([0.0, 0.0, -1.0])
+    if pose is not None:
+        camera = camera.posed(*pose)
+        middle, along = np.array(pose[0]), np.subtract(pose[1], pose[0])
+        along /= np.linalg.norm(along)
+    x, y = np.linalg.svd(along[None])[2][1:]
+    turn = np.stack([x, y * np.sign(np.cross(x, y) @ along), along], axis=1)
+    water = pl.box((100.0, 100.0, 190.0), material=pl.Dielectric(1.0, medium=Medium(0.002, 0.001)))
+    wall = pl.box((150.0, 150.0, 1.0), material=pl.Emissive(1.0))
+    place = np.eye(4)
+    place[:3, :3] = turn
+    meshes = []
+    for mesh, depth in ((water, 115.0), (wall, 200.5)):
+        place[:3, 3] = middle + depth * along
+        meshes.append(flat(mesh.transformed(place)))
+    region = np.s_[camera.sensor.shape[0] // 2 :, camera.sensor.shape[1] // 2 :]
+    region = tuple(slice(part.start, part.start + 4) for part in region)
+    settings = {"truth": pl.Truth.TRANSMITTANCE, "region": region}
+    # The wall is within the body: 200 mm from the iris, 33.77 mm of which lie behind the front vertex.
+    truth = pl.ground_truth(pl.Scene(meshes), camera, **settings)
+    np.testing.assert_allclose(-np.log(truth.transmittance) / 0.003, 166.23, atol=0.1)
+    images = [
+        pl.render(scene, camera, samples=4, max_bounces=0, region=region, progress=False).image
+        for scene in (pl.Scene([meshes[1]], medium=Medium(0.002, 0.001)), pl.Scene(meshes))
+    ]
+    np.testing.assert_allclose(images[1], images[0], rtol=1e-6)
+
+
 def test_limits_thin_and_thick():
     thin = radiance_once(pl.Scene([], [WALL], medium=Medium(1e-9, 1e-9)), NARROW, samples=64)
     assert thin.mean() == pytest.approx(1.0, abs=1e-6)

@@ -25,40 +25,55 @@ _ROULETTE = np.uint64(314)
 
 
 @kernel
-def end_flights(flights, queue, hits, geometry, glass_index, media, random, wavelengths):
-    """Draw where rays scatter in the medium around them; those that do before their hit lose it.
+def fill_reaches(reach, queue, hits, geometry, glass_index, surrounding):
+    """Fill how far rays go from their start before they hit a surface, in mm; inf without one.
 
-    `flights` (n,) are the distances to there in mm, -1 for rays that do not scatter. Distances follow the scattering
-    coefficient of one channel, drawn by its throughput (row 1 of the random numbers), and weights the mean of all
-    densities, so that none is large. Absorption of rays that reach their hit is that of `fill_absorption`.
+    The media of rays are put right: one that hits the back of a body's surface was inside that body. One that hits
+    nothing has missed the surface of its body by rounding, and is in the scene's medium (`surrounding`, -1 if none).
     """
-    rays, path_of, throughput, inside_of = queue.rays, queue.path, queue.throughput, queue.media
+    rays, inside_of = queue.rays, queue.media
     triangle_hit, instances, travelled = hits.triangle, hits.instance, hits.travelled
     vertices = geometry.vertices
     triangles = geometry.triangles
     triangle_material = geometry.triangle_material
     instance_to_world = geometry.instance_to_world
+    for i in range(reach.size):
+        reach[i] = math.inf
+        k = triangle_hit[i]
+        if k < 0:
+            for body in range(inside_of.shape[1]):
+                inside_of[i, body] = surrounding if body == 0 else -1
+        elif vertices is not None:
+            instance = -1 if instances is None else instances[i]
+            direction = row_vector(rays, i, 3)
+            triangle = corners(vertices, triangles, k, instance_to_world, instance)
+            t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
+            behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
+            material = triangle_material[k]
+            if behind and glass_index[material, INSIDE] > 0.0 and not holds(inside_of[i], material):
+                enter(inside_of[i], material)
+            reach[i] = max(t, 0.0)
+            if travelled is not None:
+                reach[i] += travelled[i]
+
+
+@kernel
+def end_flights(flights, reach, queue, hits, media, random, wavelengths):
+    """Draw where rays scatter in the medium around them; those that do before their reach lose their hit.
+
+    `flights` (n,) are the distances to there in mm along the rays, which begin behind the transparent surfaces that
+    they have passed, so that distances may be negative; inf for rays that do not scatter. Distances follow the
+    scattering coefficient of one channel, drawn by its throughput (row 1 of the random numbers), and weights the mean
+    of all densities, so that none is large. Absorption of rays that reach their hit is that of `fill_absorption`.
+    """
+    path_of, throughput, inside_of = queue.path, queue.throughput, queue.media
+    triangle_hit, travelled = hits.triangle, hits.travelled
     scattering, extinction = media.scattering, media.extinction
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = throughput.shape[1]
     for i in range(flights.size):
-        flights[i] = -1.0
-        reach, before = math.inf, 0.0
-        if travelled is not None:
-            before = travelled[i]
-        if vertices is not None:
-            k = triangle_hit[i]
-            if k >= 0:
-                instance = -1 if instances is None else instances[i]
-                direction = row_vector(rays, i, 3)
-                triangle = corners(vertices, triangles, k, instance_to_world, instance)
-                t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
-                behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
-                material = triangle_material[k]
-                if behind and glass_index[material, INSIDE] > 0.0 and not holds(inside_of[i], material):
-                    enter(inside_of[i], material)
-                reach = max(t, 0.0) + before
+        flights[i] = math.inf
         inside = innermost(inside_of[i])
         if inside < 0:
             continue
@@ -75,8 +90,8 @@ def end_flights(flights, queue, hits, geometry, glass_index, media, random, wave
             chosen += 1
         coefficient = row_channel(scattering, inside, chosen, basis, wave)
         distance = -math.log1p(-random[0, i]) / coefficient if coefficient > 0.0 else math.inf
-        ends = distance < reach
-        flight = distance if ends else reach
+        ends = distance < reach[i]
+        flight = distance if ends else reach[i]
         if flight == math.inf:
             # It leaves the scene, which has no sky.
             continue
@@ -91,7 +106,9 @@ def end_flights(flights, queue, hits, geometry, glass_index, media, random, wave
             left = math.exp(-loss * flight) * (coefficient if ends else 1.0)
             throughput[i, c] *= left / density if density > 0.0 else 0.0
         if ends:
-            flights[i] = distance - before
+            flights[i] = distance
+            if travelled is not None:
+                flights[i] -= travelled[i]
             triangle_hit[i] = -1
 
 
@@ -101,7 +118,7 @@ def fill_vertices(vertices, flights, queue):
     rows, ray, path, material = vertices.rows, vertices.ray, vertices.path, vertices.material
     count = 0
     for i in range(flights.size):
-        if flights[i] >= 0.0:
+        if flights[i] < math.inf:
             place = add(row_vector(queue.rays, i, 0), scale(row_vector(queue.rays, i, 3), flights[i]))
             fill_vector(rows, count, POINT, place)
             ray[count], path[count], material[count] = i, queue.path[i], 0
