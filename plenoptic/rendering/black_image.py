@@ -186,7 +186,7 @@ class _Probe:
             to_light = emitter.ends - points[:, None]
         arrives = np.ones(to_light.shape[:2], dtype=bool)
         if emitter.sheet is not None:
-            if not emitter.sheet.reaches(np.stack([points.min(axis=0), points.max(axis=0)])):
+            if not len(points) or not emitter.sheet.reaches(np.stack([points.min(axis=0), points.max(axis=0)])):
                 return "shines past them"
             lengths = np.minimum(emitter.sheet.lengths_at(points), self.record.lights.far)
             to_light = -(emitter.sheet.directions_at(points) * lengths[:, None])[:, None]
