@@ -189,13 +189,20 @@ class PathIntegrator:
         if self._sees_sky:
             self._sky_emission(radiance, queue, hits, scene.lights.sky, wavelengths)
         if self._medium_stage is not None:
-            self._medium_stage.end_flights(queue, hits, self._path_keys(), bounce, wavelengths)
+            self._fly(self._medium_stage, radiance, hits, bounce, wavelengths)
         if self._absorption is not None and scene.geometry is not None:
             from plenoptic.scene.materials.kernels.absorption import fill_absorption
 
             fill_absorption(queue, hits, scene.geometry, self._glass_index, self._absorption, wavelengths)
         if scene.emission is not None:
             self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
+
+    def _fly(self, stage: MediumStage, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths) -> None:
+        """Add the light that media scatter along rays, and take the hits from the rays that scatter before them."""
+        stage.begin_flights(self._queue, hits, self._path_keys(), bounce, wavelengths)
+        if self._lights and bounce < self._settings.max_bounces:
+            self._add_visible_lights(radiance, stage.draw_lights(self._shadow, self._queue, hits, wavelengths))
+        stage.end_flights(self._queue, hits, wavelengths)
 
     def _scatter(
         self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None
@@ -204,15 +211,9 @@ class PathIntegrator:
         n_rays = 0
         if self.scene.bsdf is not None:
             n_rays = self._scatter_at_surfaces(radiance, hits, bounce, wavelengths, observer)
-        if self._medium_stage is not None:
-            if self._lights:
-                self._add_visible_lights(
-                    radiance, self._medium_stage.draw_lights(self._shadow, self._queue, wavelengths)
-                )
-            if self._traces_scattered:
-                n_rays = self._medium_stage.scatter(
-                    self._next_queue, n_rays, self._queue, russian_roulette=bounce >= ROULETTE
-                )
+        if self._medium_stage is not None and self._traces_scattered:
+            roulette = bounce >= ROULETTE
+            n_rays = self._medium_stage.scatter(self._next_queue, n_rays, self._queue, russian_roulette=roulette)
         return n_rays
 
     def _scatter_at_surfaces(

@@ -29,6 +29,28 @@ class RayQueue(NamedTuple):
     """(n,): 1 for paths that a rough surface has scattered. None if caustics are included."""
 
 
+class Flights(NamedTuple):
+    """Rays on their way through scattering media, up to the next surface."""
+
+    reach: Floats
+    """(n,), mm: distance from the ray's start to the surface, also where transparent ones are in between; or inf."""
+    chance: Floats
+    """(n,): probability that the ray scatters before its reach; 0 in media that do not scatter."""
+    distance_random: Floats
+    """(4, n): random numbers of the distance at which it scatters, and of that at which it is lit."""
+    light_random: Floats
+    """(4, n): random numbers of the light that lights it, and of the direction in which it scatters."""
+    key: NDArray[np.uint64]
+    """(n,): set of random points of the ray."""
+    number: NDArray[np.uint32]
+    """(n,): the ray's point in it."""
+
+    def first(self, n: int) -> Flights:
+        """The first n of the rays."""
+        random = self.distance_random[:, :n], self.light_random[:, :n]
+        return Flights(self.reach[:n], self.chance[:n], *random, self.key[:n], self.number[:n])
+
+
 class ShadowRays(NamedTuple):
     """Rays to lights, and the radiance of these along the path if unoccluded."""
 

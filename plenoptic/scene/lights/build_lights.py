@@ -26,6 +26,7 @@ from plenoptic.scene.lights.light_records import (
     EDGE_1,
     EDGE_2,
     ENVIRONMENT,
+    EXTENT,
     FRONT_NORMAL,
     LIGHT,
     POINT,
@@ -196,7 +197,21 @@ def _area_rows(emitters: Emitters, row: NDArray[np.int64], place: NDArray[np.int
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     rows[:, FRONT_NORMAL : FRONT_NORMAL + 3] = np.where(mirrored[:, None], -normal, normal)
     rows[:, SHADOW_OFFSET] = _largest_offsets(corners, normal, geometry.middle, distance)
+    rows[:, EXTENT] = _extents(corners, np.stack([emitters.triangle_mesh[row], place]))
     return contiguous(rows)
+
+
+def _extents(corners: Floats, mesh: NDArray[np.int32]) -> Floats:
+    """(n,), mm: half the diagonal of the box around all triangles of the same mesh and place (2, n)."""
+    order = np.lexsort(mesh)
+    begins = np.any(np.diff(mesh[:, order], axis=1, prepend=-2), axis=0)
+    first = np.flatnonzero(begins)
+    sides = np.maximum.reduceat(corners.max(axis=1)[order], first) - np.minimum.reduceat(
+        corners.min(axis=1)[order], first
+    )
+    extents = np.empty(len(corners))
+    extents[order] = 0.5 * np.linalg.norm(sides, axis=1)[np.cumsum(begins) - 1]
+    return extents
 
 
 def _largest_offsets(corners: Floats, normal: Floats, middle: Floats, distance: Floats) -> Floats:

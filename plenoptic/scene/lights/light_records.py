@@ -15,10 +15,10 @@ TRIANGLE, POINT, SUN, ENVIRONMENT, SHEET = range(5)
 LIGHT = np.dtype([("row", np.int64), ("instance", np.int32), ("kind", np.uint8)])
 """Sampled light: row of the triangles, points, suns or sheets; instance of a triangle, -1 for a plain one; kind."""
 
-CORNER, EDGE_1, EDGE_2, FRONT_NORMAL, SHADOW_OFFSET = 0, 3, 6, 9, 12
-AREA_COLUMNS = 13
+CORNER, EDGE_1, EDGE_2, FRONT_NORMAL, SHADOW_OFFSET, EXTENT = 0, 3, 6, 9, 12, 13
+AREA_COLUMNS = 14
 """Columns of a triangle that emits, in the world: a corner, both edges from there, the unit normal towards the front,
-and the distance before it at which shadow rays end."""
+the distance before it at which shadow rays end, and half the diagonal of the box around the mesh that shines."""
 
 POINT_LIGHT = np.dtype(
     [(name, np.float64) for name in ("x", "y", "z", "axis_x", "axis_y", "axis_z", "cos_outer", "cos_inner")]

@@ -1,4 +1,4 @@
-"""Flights of rays in scattering media, light drawn at their ends, and directions from there: kernels.
+"""Flights of rays in scattering media, and directions from their ends: kernels.
 
 Media are homogeneous: distances are drawn in closed form, which is delta tracking without null collisions.
 """
@@ -11,13 +11,10 @@ import numpy as np
 
 from plenoptic.core.kernels.sincos import turn
 from plenoptic.core.kernels.sobol import random_number
-from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale, sub
+from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.scene.geometry.geometry_records import POINT
 from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_reflection
-from plenoptic.scene.lights.kernels.sky import weight
-from plenoptic.scene.lights.light_records import DIRECTION, END, PDF
 from plenoptic.scene.materials.kernels.absorption import enter, holds, innermost
 from plenoptic.scene.materials.material_records import INSIDE
 
@@ -58,22 +55,23 @@ def fill_reaches(reach, queue, hits, geometry, glass_index, surrounding):
 
 
 @kernel
-def end_flights(flights, reach, queue, hits, media, random, wavelengths):
+def end_flights(distances, flights, queue, hits, media, wavelengths):
     """Draw where rays scatter in the medium around them; those that do before their reach lose their hit.
 
-    `flights` (n,) are the distances to there in mm along the rays, which begin behind the transparent surfaces that
-    they have passed, so that distances may be negative; inf for rays that do not scatter. Distances follow the
-    scattering coefficient of one channel, drawn by its throughput (row 1 of the random numbers), and weights the mean
-    of all densities, so that none is large. Absorption of rays that reach their hit is that of `fill_absorption`.
+    `distances` (n,) are those to there in mm, inf for rays that do not scatter; rays begin behind the transparent
+    surfaces that they have passed, so that distances may be negative. They follow the scattering coefficient of one
+    channel, drawn by its throughput (row 1 of the random numbers), and weights the mean of all densities, so that none
+    is large. Absorption of rays that reach their hit is that of `fill_absorption`.
     """
+    reach, random = flights.reach, flights.distance_random
     path_of, throughput, inside_of = queue.path, queue.throughput, queue.media
     triangle_hit, travelled = hits.triangle, hits.travelled
     scattering, extinction = media.scattering, media.extinction
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = throughput.shape[1]
-    for i in range(flights.size):
-        flights[i] = math.inf
+    for i in range(distances.size):
+        distances[i] = math.inf
         inside = innermost(inside_of[i])
         if inside < 0:
             continue
@@ -106,24 +104,10 @@ def end_flights(flights, reach, queue, hits, media, random, wavelengths):
             left = math.exp(-loss * flight) * (coefficient if ends else 1.0)
             throughput[i, c] *= left / density if density > 0.0 else 0.0
         if ends:
-            flights[i] = distance
+            distances[i] = distance
             if travelled is not None:
-                flights[i] -= travelled[i]
+                distances[i] -= travelled[i]
             triangle_hit[i] = -1
-
-
-@kernel
-def fill_vertices(vertices, flights, queue):
-    """Fill the points at which rays scatter; return their number."""
-    rows, ray, path, material = vertices.rows, vertices.ray, vertices.path, vertices.material
-    count = 0
-    for i in range(flights.size):
-        if flights[i] < math.inf:
-            place = add(row_vector(queue.rays, i, 0), scale(row_vector(queue.rays, i, 3), flights[i]))
-            fill_vector(rows, count, POINT, place)
-            ray[count], path[count], material[count] = i, queue.path[i], 0
-            count += 1
-    return count
 
 
 @device
@@ -143,74 +127,41 @@ def phase_cosine(u, g):
 
 
 @kernel
-def fill_medium_lights(shadow, vertices, drawn, queue, media, wavelengths):
-    """Fill the shadow rays from points in media to the drawn lights, and their light; return their number."""
-    shadow_rays, shadow_path, shadow_radiance = shadow.rays, shadow.path, shadow.radiance
-    lights, radiance, rows = drawn.rows, drawn.radiance, vertices.rows
-    throughput, extinction, asymmetry = queue.throughput, media.extinction, media.asymmetry
-    waves = wavelengths.number
-    basis = wavelengths.basis
-    count = 0
-    for i in range(vertices.path.size):
-        ray, path = vertices.ray[i], vertices.path[i]
-        inside = innermost(queue.media[ray])
-        place = row_vector(rows, i, POINT)
-        to_light = sub(row_vector(lights, i, END), place)
-        brightest = 0.0
-        for c in range(radiance.shape[1]):
-            brightest = max(brightest, radiance[i, c])
-        if not brightest > 0.0:
-            continue
-        pdf = phase(dot(row_vector(queue.rays, ray, 3), row_vector(lights, i, DIRECTION)), asymmetry[inside])
-        factor = pdf if lights[i, PDF] < 0.0 else pdf * weight(lights[i, PDF], pdf)
-        wave = wavelength_index(waves, path)
-        distance = math.sqrt(dot(to_light, to_light))
-        brightest = 0.0
-        for c in range(radiance.shape[1]):
-            left = math.exp(-distance * row_channel(extinction, inside, c, basis, wave))
-            shadow_radiance[count, c] = throughput[ray, c] * radiance[i, c] * factor * left
-            brightest = max(brightest, shadow_radiance[count, c])
-        if brightest > 0.0:
-            fill_vector(shadow_rays, count, 0, place)
-            fill_vector(shadow_rays, count, 3, to_light)
-            shadow_path[count] = path
-            count += 1
-    return count
+def scatter_in_media(new, n_rays, distances, flights, queue, media, russian_roulette):
+    """Append rays from where rays scatter, by rows 2 and 3 of their random numbers; return the number of all rays.
 
-
-@kernel
-def scatter_in_media(new, n_rays, vertices, queue, media, russian_roulette):
-    """Append rays from points in media, by rows 2 and 3 of the random numbers; return the number of all rays.
-
-    With Russian roulette, paths survive with the probability of their largest throughput.
+    With Russian roulette, paths survive with the probability of their largest throughput. The density of a direction
+    includes the ray's chance to scatter: all flights are lit, but few scatter in thin media, and multiple importance
+    sampling prefers the light that is drawn.
     """
-    rows, random = vertices.rows, vertices.random
-    for i in range(vertices.path.size):
-        ray = vertices.ray[i]
+    random = flights.light_random
+    for i in range(distances.size):
+        if distances[i] == math.inf:
+            continue
         largest, factor = 0.0, 1.0
         for c in range(queue.throughput.shape[1]):
-            largest = max(largest, queue.throughput[ray, c])
+            largest = max(largest, queue.throughput[i, c])
         if not largest > 0.0:
             continue
         if russian_roulette and largest < 1.0:
-            if random_number(vertices.key[i], vertices.number[i], _ROULETTE) >= largest:
+            if random_number(flights.key[i], flights.number[i], _ROULETTE) >= largest:
                 continue
             factor = 1.0 / largest
-        g = media.asymmetry[innermost(queue.media[ray])]
-        before = row_vector(queue.rays, ray, 3)
+        g = media.asymmetry[innermost(queue.media[i])]
+        before = row_vector(queue.rays, i, 3)
         p, q = frame_about(before)
         cosine = phase_cosine(random[2, i], g)
         sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
         c_turn, s_turn = turn(random[3, i])
         w = add(add(scale(p, sine * c_turn), scale(q, sine * s_turn)), scale(before, cosine))
-        fill_vector(new.rays, n_rays, 0, row_vector(rows, i, POINT))
+        fill_vector(new.rays, n_rays, 0, add(row_vector(queue.rays, i, 0), scale(before, distances[i])))
         fill_vector(new.rays, n_rays, 3, scale(w, 1.5 - 0.5 * dot(w, w)))
-        new.path[n_rays] = vertices.path[i]
-        new.pdf[n_rays] = phase(cosine, g)
+        new.path[n_rays] = queue.path[i]
+        new.pdf[n_rays] = phase(cosine, g) * flights.chance[i]
         for c in range(queue.throughput.shape[1]):
-            new.throughput[n_rays, c] = queue.throughput[ray, c] * factor
+            new.throughput[n_rays, c] = queue.throughput[i, c] * factor
         for k in range(queue.media.shape[1]):
-            new.media[n_rays, k] = queue.media[ray, k]
+            new.media[n_rays, k] = queue.media[i, k]
         if new.rough is not None:
             new.rough[n_rays] = 1
         n_rays += 1

@@ -1,0 +1,88 @@
+"""Distances along the flights of rays in media, drawn by the lights: device functions.
+
+C. Kulla and M. Fajardo, Importance sampling techniques for path tracing in participating media, EGSR 2012,
+doi 10.1111/j.1467-8659.2012.03148.x.
+
+A profile of light along a ray is its shape, the probability with which it draws the distance (otherwise the extinction
+does), its centre and width in mm, and its cumulative values at the beginning and the end of the lit part of the ray.
+"""
+
+from __future__ import annotations
+
+import math
+
+from plenoptic.core.kernels.arctan import arctan2
+from plenoptic.core.kernels.sincos import turn
+from plenoptic.core.kernels.vectors import dot, scale, sub
+from plenoptic.core.numba.jit import device
+
+NO_SHAPE, EQUIANGULAR = range(2)
+"""Shapes: that of lights from infinity; uniform in the angle at a point of the light, `width` away from the ray."""
+
+_LARGEST_PROBABILITY = 0.5
+
+
+@device
+def no_profile():
+    """The profile of lights from infinity: they light all of the ray alike."""
+    return NO_SHAPE, 0.0, 0.0, 1.0, 0.0, 1.0
+
+
+@device
+def point_profile(to_light, direction, extent, begin, end):
+    """The profile of a point of a light of an extent in mm, seen from the start of a ray.
+
+    On a ray that is nearer than the extent, the light of all points is not that of this one, and there is no profile.
+    """
+    centre = dot(to_light, direction)
+    off = sub(to_light, scale(direction, centre))
+    width2 = dot(off, off)
+    if not width2 > extent * extent:
+        return no_profile()
+    width, probability = math.sqrt(width2), _LARGEST_PROBABILITY * (1.0 - extent * extent / width2)
+    last = 0.5 * math.pi if end == math.inf else arctan2(end - centre, width)
+    return EQUIANGULAR, probability, centre, width, arctan2(begin - centre, width), last
+
+
+@device
+def sample_profile(profile, u):
+    """Distance in mm from the ray's start, by a random number."""
+    _, _, centre, width, first, last = profile
+    c, s = turn(0.5 + (first + u * (last - first)) / (2.0 * math.pi))
+    return centre + width * s / c
+
+
+@device
+def profile_density(profile, distance):
+    """Density in 1/mm with which a distance is drawn."""
+    shape, _, centre, width, first, last = profile
+    off = distance - centre
+    if shape == NO_SHAPE or not last > first:
+        return 0.0
+    return width / ((last - first) * (width * width + off * off))
+
+
+@device
+def lit_by_spot(spot, to_light, direction, reach):
+    """Distances from the ray's start between which a spot lights it; twice 0 if it lights no part.
+
+    The cone's points w from its tip, w . axis = |w| cosine, by a quadratic equation. Cones of a right angle and more
+    have no such interval: all of the ray may be lit.
+    """
+    if not spot.cos_outer > 0.0:
+        return 0.0, reach
+    axis, c2 = (spot.axis_x, spot.axis_y, spot.axis_z), spot.cos_outer * spot.cos_outer
+    along, off = dot(direction, axis), -dot(to_light, axis)
+    a = along * along - c2
+    b = along * off + c2 * dot(direction, to_light)
+    root2 = b * b - a * (off * off - c2 * dot(to_light, to_light))
+    if a == 0.0:
+        return 0.0, reach
+    middle, half = -b / a, math.sqrt(max(root2, 0.0)) / abs(a)
+    begin, end = middle - half, middle + half
+    if a > 0.0:
+        # The ray stays in the cone, or comes out of it.
+        begin, end = (end, reach) if along > 0.0 else (0.0, begin)
+    elif not root2 > 0.0 or not off + middle * along > 0.0:
+        return 0.0, 0.0
+    return max(begin, 0.0), min(end, reach)
