@@ -21,6 +21,7 @@ from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, DistantLight, Light
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.medium import Medium, as_medium
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.points import Points
@@ -38,7 +39,7 @@ class Scene:
     ----------
     meshes : sequence of Mesh or Instances
         Surfaces, in mm, in one frame: the world.
-    lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
+    lights : sequence of QuadLight, SphereLight, PointLight, SpotLight, SunLight or Sheet
         Light sources besides emissive meshes.
     background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
         Background of rays that hit no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
@@ -54,8 +55,8 @@ class Scene:
     InvalidValueError
         Something that is not a mesh, a light, a background or particles.
     SceneError
-        No mesh, no light, no background and no points; a medium without bound under the sun or a background; points
-        in a medium.
+        No mesh, no light, no background and no points; a medium without bound under the sun, a background or a
+        sheet without start; points in a medium.
 
     Examples
     --------
@@ -100,6 +101,11 @@ class Scene:
             raise SceneError(
                 "the scene has a medium without bound under the sun or a background, of which no light arrives; "
                 "bound it by a body of pl.Dielectric(1.0, medium=...), or light it by lamps"
+            )
+        if self.medium is not None and any(isinstance(light, Sheet) and light.start is None for light in self.lights):
+            raise SceneError(
+                "the scene has a medium without bound under a light sheet from infinity, of which no light arrives; "
+                "give the sheet a start=, mm along its direction from its position"
             )
 
     @property

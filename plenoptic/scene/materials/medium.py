@@ -10,6 +10,21 @@ from plenoptic.scene.textures.color import Colour, as_colour
 
 _WATER = ((0.2224e-3, 0.0434e-3, 0.00922e-3), (0.00105e-3, 0.00177e-3, 0.00354e-3))
 
+_JERLOV = {
+    "I": ((0.228, 0.062, 0.046, 0.018), (0.00122, 0.0017, 0.00205, 0.00381)),
+    "IA": ((0.228, 0.0622, 0.0468, 0.0221), (0.00283, 0.00354, 0.00402, 0.00631)),
+    "IB": ((0.2278, 0.0623, 0.0469, 0.0235), (0.0488, 0.0536, 0.0565, 0.068)),
+    "II": ((0.228, 0.0622, 0.0469, 0.0241), (0.309, 0.358, 0.387, 0.504)),
+    "III": ((0.229, 0.0646, 0.0507, 0.0388), (0.845, 0.98, 1.06, 1.38)),
+    "1C": ((0.236, 0.076, 0.068, 0.105), (0.314, 0.365, 0.395, 0.514)),
+    "3C": ((0.239, 0.082, 0.078, 0.154), (0.916, 1.06, 1.15, 1.5)),
+    "5C": ((0.259, 0.117, 0.127, 0.297), (1.147, 1.33, 1.44, 1.87)),
+    "7C": ((0.301, 0.195, 0.233, 0.542), (2.03, 2.35, 2.54, 3.3)),
+    "9C": ((0.39, 0.348, 0.43, 0.943), (2.69, 3.12, 3.38, 4.39)),
+}
+"""Absorption and scattering of Jerlov's types at 600, 550, 525 and 450 nm, 1/m; see `jerlov_water`."""
+_PARTICLE_COSINE = 0.924
+
 
 def _asymmetry(g: Any, name: str) -> float:
     number = finite(g, name)
@@ -91,6 +106,45 @@ def pure_water() -> Medium:
     (0.0002224, 4.34e-05, 9.22e-06)
     """
     return Medium(*_WATER)
+
+
+def jerlov_water(water_type: str) -> Medium:
+    """Sea water of one of N. G. Jerlov's types, from the clearest ocean to turbid coasts, at 600, 530 and 450 nm.
+
+    Absorption and scattering of M. G. Solonenko and C. D. Mobley, Appl. Opt. 54, 5392 (2015),
+    doi 10.1364/AO.54.005392, tables 4 to 8, linear between 525 and 550 nm. They were fitted to Jerlov's attenuation of
+    daylight (1968), not measured. The row of 5C at 600 nm is misprinted there, and is that of C. A. Williamson and
+    R. C. Hollins, Appl. Opt. 61, 9951 (2022), doi 10.1364/AO.470464.
+
+    The mean cosine is an assumption: 0.924 of particles, that of the average of T. J. Petzold's measurements (C. D.
+    Mobley, Light and Water, 1994), and 0 of pure water, weighed by their scattering at 530 nm.
+
+    Parameters
+    ----------
+    water_type : str
+        "I", "IA", "IB", "II" or "III" of the open ocean, "1C", "3C", "5C", "7C" or "9C" of coasts.
+
+    Raises
+    ------
+    InvalidValueError
+        Another type.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> coast = pl.materials.jerlov_water("1C")
+    >>> coast.absorption, round(coast.phase.g, 3)
+    ((0.000236, 6.96e-05, 0.000105), 0.92)
+    """
+    if not isinstance(water_type, str) or water_type not in _JERLOV:
+        raise InvalidValueError(f"water_type is {water_type!r}; it must be one of {', '.join(_JERLOV)}")
+    absorption, scattering = (_per_mm(*row) for row in _JERLOV[water_type])
+    return Medium(absorption, scattering, HenyeyGreenstein(_PARTICLE_COSINE * (1.0 - _WATER[1][1] / scattering[1])))
+
+
+def _per_mm(red: float, green_550: float, green_525: float, blue: float) -> tuple[float, float, float]:
+    """Coefficients per mm at 600, 530 and 450 nm."""
+    return round(1e-3 * red, 9), round(2e-4 * green_550 + 8e-4 * green_525, 9), round(1e-3 * blue, 9)
 
 
 def fog(visibility: float, *, g: float = 0.85) -> Medium:
