@@ -54,8 +54,8 @@ class Scene:
     InvalidValueError
         Something that is not a mesh, a light, a background or particles.
     SceneError
-        No mesh, no light, no background and no points; a medium without bound under the sun or a background; points
-        in a medium.
+        No mesh, no light, no background and no points; a medium without bound under the sun or a background, or with
+        particles in a light sheet.
 
     Examples
     --------
@@ -90,9 +90,10 @@ class Scene:
         elif not self.has_surfaces_or_light:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
         as_medium(self.medium, "medium")
-        if self.medium is not None and self.points is not None:
+        if self.medium is not None and self.points is not None and self.points.sheet is not None:
             raise SceneError(
-                "the scene has points in a medium, which does not weaken their light yet; remove one of them"
+                "the scene has a medium, in which a light sheet without a beginning would have no light left; give the "
+                "particles an intensity= in place of the sheet, or remove the medium"
             )
         dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
         sky = self.background is not None and not dark

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,43 +12,25 @@ from plenoptic.camera.points.projection import occlusion_of_points
 from plenoptic.camera.psf.sensor_hits import (
     BUNDLE,
     ForwardRecord,
-    diffraction_record,
     fill_losses_behind_array,
     fill_to_sensor,
     in_lens_axes,
 )
-from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
-from plenoptic.errors import SceneError
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
-from plenoptic.scene.points import Points
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.scene.cache import PreparedScene
-    from plenoptic.scene.scene import Scene
+from plenoptic.rendering.points.particle_scene import ParticleScene, Passband
 
 REPLICATES = 8
 """Independent scramblings of the rays of a particle, from whose variance the standard error follows."""
 MAX_RAYS = 1 << 18
 """Largest number of rays of a particle."""
-_WAVELENGTHS = 16
-"""Wavelengths at which a camera with a spectral sensitivity is traced."""
-_LEAST_RAYS, _PILOT = 128, 64
-"""Least number of rays of a particle, and number of particles from whose errors it is chosen."""
+_LEAST_RAYS = 128
+"""Least number of rays of a particle."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
 _BLOCK = 1 << 15
 """Particles whose polygons are computed together, which takes 3 kB for each."""
-
-
-class Passband(NamedTuple):
-    """Record of a camera at one wavelength, and the weights of the light there."""
-
-    record: ForwardRecord
-    weights: Floats
-    """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
 
 
 class ParticleBatch(NamedTuple):
@@ -64,6 +44,8 @@ class ParticleBatch(NamedTuple):
     """(n,)"""
     polygon: Floats
     """(n, 2, k): corners on the entrance plane, counter-clockwise."""
+    colour: Floats
+    """(n, channels): factors of the weights of each channel."""
     each: int
     """Rays of a particle and replicate."""
     offset: int
@@ -82,97 +64,6 @@ class ParticlePixels(NamedTuple):
     """Pixels (m,), and weights and their variances (m, channels): solid angles in sr, and their squares."""
     moments: Floats
     """(n, replicates, 3): light, and light times x and y on the sensor, in mm; the mean over the channels."""
-
-
-class ParticleScene(NamedTuple):
-    """Particles before a camera, compiled."""
-
-    points: Points
-    pilot: NDArray[np.int64]
-    """Particles from whose errors the number of rays is chosen."""
-    passbands: tuple[Passband, ...]
-    hue: Floats | None
-    """(n, 3): colours of particles over their means; None without spectral sensitivity: weights have no colour."""
-    intensity: Floats
-    """(n, 1) or (n, 3): what weights are multiplied by."""
-    occluder: PreparedScene | None
-    seed: np.uint64
-
-    @property
-    def channels(self) -> int:
-        """Channels of the weights."""
-        return 1 if self.hue is None else len(self.passbands[0].weights)
-
-    @property
-    def image_channels(self) -> int:
-        """Channels of images."""
-        return max(self.channels, len(self.intensity[0]))
-
-
-def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
-    """Compile particles before a camera, hidden by the meshes of a scene; raise errors of particles at bad places."""
-    passbands = _passbands(camera)
-    record = passbands[0].record
-    in_lens_axes(record, points.positions)
-    occluder = None if scene is None or not scene.meshes else _occluder(scene, points)
-    intensity = points.intensities(_pupil_centre(record))
-    columns = intensity if intensity.ndim == 2 else intensity[:, None]
-    hue = None
-    if camera.sensitivity is not None:
-        mean = columns.mean(axis=1, keepdims=True)
-        hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
-        columns = mean
-    pilot = np.unique(np.linspace(0, len(points) - 1, _PILOT).astype(np.int64))
-    return ParticleScene(points, pilot, passbands, hue, columns, occluder, np.uint64(seed))
-
-
-def _passbands(camera: PlenopticCamera) -> tuple[Passband, ...]:
-    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
-    if camera.sensitivity is None:
-        return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3),)
-    tables = colour_tables(camera.sensitivity)
-    probability = np.diff(tables.cdf, prepend=0.0)
-    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
-    part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
-    bands = []
-    for k in np.unique(part):
-        rows = part == k
-        wavelength = float(np.average(tables.wavelengths[rows], weights=probability[rows]))
-        weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
-        bands.append(Passband(diffraction_record(dataclasses.replace(camera, wavelength=wavelength)), weights))
-    return tuple(bands)
-
-
-def _pupil_centre(record: ForwardRecord) -> Floats:
-    """Centre (3,) of the entrance pupil in the world, or of the first plane of a telecentric lens."""
-    z = record.entrance.pupil[0]
-    centre = np.array([[0.0, 0.0, z if np.isfinite(z) else record.entrance.z]])
-    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
-    centre = centre if lens_pose is None else lens_pose.points(centre)
-    return np.asarray((centre if pose is None else pose.to_world(centre))[0])
-
-
-def _occluder(scene: Scene, points: Points) -> PreparedScene:
-    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass."""
-    from plenoptic.scene.cache import prepared_scene
-    from plenoptic.scene.geometry.instance import Instances
-    from plenoptic.scene.materials.alpha_mask import media_at
-    from plenoptic.scene.materials.dielectric import Dielectric
-
-    prepared = prepared_scene(scene)
-    is_near_glass = np.zeros(len(points), bool)
-    for part in scene.meshes:
-        if isinstance((part.mesh if isinstance(part, Instances) else part).material, Dielectric):
-            low, high = part.bounds
-            is_near_glass |= ((low < points.positions) & (points.positions < high)).all(axis=1)
-    for k in np.flatnonzero(is_near_glass).tolist():
-        assert prepared.intersector is not None
-        if media_at(prepared.record, prepared.intersector, points.positions[k])[0] >= 0:
-            raise SceneError(
-                f"particle {k} at {points.positions[k].tolist()} mm lies inside a body of glass, whose surface stops "
-                "its rays; move it outside, or put an emissive mesh there"
-            )
-    return prepared
 
 
 def choose_rays(scene: ParticleScene, target_error: float, threads: int) -> int:
@@ -259,11 +150,11 @@ def _trace_task(
         for k, band in enumerate(scene.passbands):
             corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1), dtype=np.float64)
             radius = 0.5 * scene.points.diameter[number[rows]]
-            batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, each, k * each)
             colour = np.ones((len(rows), 1))
             if scene.hue is not None:
                 colour = np.ascontiguousarray(scene.hue[number[rows]] @ band.weights.T)
-            _trace_bundle(scene, band, batch, colour, (pixel[k], weight[k], part_moments))
+            batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, colour, each, k * each)
+            _trace_bundle(scene, band, batch, (pixel[k], weight[k], part_moments))
         entries = (
             np.empty(pixel.size, np.int32),
             np.empty((pixel.size, scene.channels), np.float32),
@@ -283,11 +174,7 @@ def _no_entries(scene: ParticleScene) -> tuple[NDArray[np.int32], NDArray[np.flo
 
 
 def _trace_bundle(
-    scene: ParticleScene,
-    band: Passband,
-    batch: ParticleBatch,
-    colour: Floats,
-    results: tuple[NDArray[np.int32], Floats, Floats],
+    scene: ParticleScene, band: Passband, batch: ParticleBatch, results: tuple[NDArray[np.int32], Floats, Floats]
 ) -> None:
     """Trace the rays of a batch at one wavelength, and fill pixels, weights and moments of `fill_pixels`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
@@ -296,7 +183,10 @@ def _trace_bundle(
     record, (pixel, weight, moments) = band.record, results
     n = pixel.size
     blocks = np.empty(-(-n // BLOCK) * RAY)
-    particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal)
+    lengths = None if band.extinction is None else np.empty(n)
+    particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal, lengths)
+    if lengths is not None and not record.ideal:  # the first plane of ideal lenses is that of the entrance
+        _add_path_to_first_element(lengths, blocks, record)
     if scene.occluder is not None:
         _hide(blocks, scene, batch, record)
     if record.iris is not None:
@@ -307,15 +197,23 @@ def _trace_bundle(
     if record.deflection is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, None, record.deflection)
     screen = (*record.camera.sensor.shape, record.camera.sensor.pixel_pitch)
-    flat = weight.reshape(n, -1)
-    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, colour)
+    flat, medium = weight.reshape(n, -1), None if lengths is None else (lengths, band.extinction)
+    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, medium)
+
+
+def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardRecord) -> None:
+    """Add the paths of rays from the plane of the entrance to the first element, in mm; lost rays get any number."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, Z
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
+
+    reached = blocks.copy()
+    fill_through_lens(reached, record.lens.part(0, 1), None)
+    paths = (part.reshape(-1, RAY)[:, : Z + BLOCK].reshape(-1, 3, BLOCK) for part in (reached, blocks))
+    lengths += np.linalg.norm(np.subtract(*paths), axis=1).ravel()[: lengths.size]
 
 
 def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: ForwardRecord) -> None:
-    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens.
-
-    Losses in the scene's own medium belong here as well.
-    """
+    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
     from plenoptic.rendering.points.kernels.particle_rays import stop_rays
 
@@ -325,8 +223,3 @@ def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: Fo
     entering = np.column_stack([rays[:, X : X + BLOCK].ravel()[:n], rays[:, Y : Y + BLOCK].ravel()[:n]])
     centres = np.repeat(scene.points.positions[batch.number], of_each, axis=0)
     stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
-
-
-def pixel_area(camera: PlenopticCamera) -> float:
-    """Area of a pixel in mm^2, by which light is divided."""
-    return math.pow(camera.sensor.pixel_pitch, 2)

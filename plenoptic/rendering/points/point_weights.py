@@ -20,11 +20,11 @@ from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
 from plenoptic.core.values import Floats, check_kind, file_path, numbers, positive, result, seed_number, whole
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.points.particle_scene import particle_scene
 from plenoptic.rendering.points.particle_tracing import (
     MAX_RAYS,
     REPLICATES,
     choose_rays,
-    particle_scene,
     trace_particles,
     whole_replicates,
 )

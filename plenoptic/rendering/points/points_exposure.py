@@ -14,13 +14,8 @@ from plenoptic.core.values import Floats, flag, seed_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.points.particle_tracing import (
-    REPLICATES,
-    choose_rays,
-    particle_scene,
-    pixel_area,
-    trace_particles,
-)
+from plenoptic.rendering.points.particle_scene import particle_scene, pixel_area
+from plenoptic.rendering.points.particle_tracing import REPLICATES, choose_rays, trace_particles
 from plenoptic.rendering.points.point_weights import TARGET_ERROR
 
 if TYPE_CHECKING:

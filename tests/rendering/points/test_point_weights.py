@@ -8,7 +8,8 @@ import pytest
 from camera_helpers import bare_camera, camera_with, refused, the_lens
 
 import plenoptic as pl
-from plenoptic.rendering.points.particle_tracing import particle_scene, trace_particles
+from plenoptic.rendering.points.particle_scene import particle_scene
+from plenoptic.rendering.points.particle_tracing import trace_particles
 
 THIN = pl.LensModel.THIN
 TILTED = (pl.CameraPart.MICROLENSES, (0.03, -0.02, 0.0), (0.02, -0.01, 0.1))
