@@ -61,7 +61,7 @@ class ParticlePixels(NamedTuple):
     counts: NDArray[np.int64]
     """(n,): number of pixels of each."""
     entries: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]
-    """Pixels (m,), and weights and their variances (m, channels): solid angles in sr, and their squares."""
+    """Pixels (m,), and weights and their standard errors (m, channels) in sr."""
     moments: Floats
     """(n, replicates, 3): light, and light times x and y on the sensor, in mm; the mean over the channels."""
 

@@ -125,7 +125,7 @@ def test_pixels_are_those_of_the_projection():
     for k in range(len(lit)):
         own = near & (nearest == k)
         light = weights.weight[own, 0].astype(float)
-        error = math.hypot(5 * lit.light_error[k], 5 * math.sqrt(weights.variance[own].sum()))
+        error = math.hypot(5 * lit.light_error[k], 5 * np.linalg.norm(weights.weight_error[own].astype(float)))
         assert abs(light.sum() - lit.light[k]) < error + 1e-3 * lit.light[k]
 
 
@@ -224,6 +224,74 @@ def test_files_give_the_same_weights(tmp_path, suffix):
     (tmp_path / f"bad{suffix}").write_bytes(b"nothing")
     with pytest.raises(pl.errors.FileError):
         pl.rendering.PointWeights.load(tmp_path / f"bad{suffix}")
+
+
+def damaged(weights, **arrays):
+    fields = {field.name: getattr(weights, field.name) for field in dataclasses.fields(weights)}
+    return pl.rendering.PointWeights(**fields | arrays)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "message"),
+    [
+        ("pixel", lambda a: np.where(a == a[0], 1 << 18, a), "pixel must be from 0 to 262143"),
+        ("pixel", lambda a: np.where(a == a[0], -1, a), "pixel must be from 0 to 262143"),
+        ("pixel", lambda a: a.astype(float), "pixel holds float64; it must hold whole numbers"),
+        ("pixel", lambda a: a[:-1], "weight has shape|indptr"),
+        ("indptr", lambda a: a + 1, "indptr must ascend from 0"),
+        ("indptr", lambda a: a[[0, 2, 1, *range(3, len(a))]], "indptr must ascend from 0"),
+        ("indptr", lambda a: a[:-1], "indptr has shape"),
+        ("weight", lambda a: a[:, 0], "weight has shape"),
+        ("weight", lambda a: np.repeat(a, 2, axis=1), "weight has shape"),
+        ("weight", lambda a: a * np.float32(np.nan), "weight holds a number that is not finite"),
+        ("weight_error", lambda a: a[:5], "weight_error has shape"),
+        ("weight_error", lambda a: -a, "negative error"),
+        ("light", lambda a: a[:-1], "has shape"),
+        ("intensity", lambda a: a[:-1], "intensity has shape"),
+        ("centroid", lambda a: a[:-1], "centroid has shape"),
+        ("shape", lambda a: np.array([46341, 46342]), "rows x columns is 46341 x 46342; it must be at most"),
+        ("shape", lambda a: np.array([0, 512]), "rows"),
+        ("shape", lambda a: np.array([512, 512, 1]), "shape has shape"),
+        ("pitch", lambda a: 0.0, "pitch"),
+        ("rays", lambda a: 0, "rays"),
+        ("seed", lambda a: -1, "seed"),
+    ],
+)
+def test_damaged_weights_are_refused(tmp_path, name, damage, message):
+    """When they are made, and from files, before a kernel reads beyond the end of an array."""
+    weights = weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
+    wrong = damage(getattr(weights, name))
+    with refused(message):
+        damaged(weights, **{name: wrong})
+    arrays = {field.name: getattr(weights, field.name) for field in dataclasses.fields(weights)}
+    np.savez(tmp_path / "w.npz", **arrays | {name: wrong})
+    with pytest.raises(pl.errors.FileError, match=message):
+        pl.rendering.PointWeights.load(tmp_path / "w.npz")
+    with pytest.raises(pl.errors.FileError, match=f"it has no .*{name}"):
+        np.savez(tmp_path / "w.npz", **{other: array for other, array in arrays.items() if other != name})
+        pl.rendering.PointWeights.load(tmp_path / "w.npz")
+
+
+def test_pairs_of_other_rays_are_refused():
+    camera, points = CAMERAS["2.0"], pl.Points(POSITIONS, intensity=1.0)
+    first = weights_of(POSITIONS, camera, rays=256)
+    for options in ({"rays": 512}, {"rays": 256, "seed": 1}):
+        with refused("trace both with the same rays= and seed="):
+            first.displacement(pl.rendering.point_weights(points, camera, progress=False, **options))
+
+
+@pytest.mark.parametrize("distance", [1e10, 1e13])
+def test_errors_of_faint_particles_hold(distance):
+    """Particles twice as far have a quarter of the light, and of the error, whose square float32 does not hold."""
+    focus = bare_camera(z=float(pl.paraxial.cardinal_points(the_lens(), 587.6).rear_focus))
+    one, two = (weights_of([(0, 0, -d)], focus, rays=256) for d in (distance, 2 * distance))
+    assert one.weight_error.any() and one.light_error[0] > 0
+    assert np.isclose(one.light[0] / two.light[0], 4.0, rtol=1e-3)
+    errors = [np.linalg.norm(weights.weight_error.astype(float)) for weights in (one, two)]
+    assert np.isclose(errors[0] / errors[1], 4.0, rtol=0.3)
+    # Ten times the light of stars: the image's errors, too.
+    image, error = one.image([1.0])
+    assert error.max() > 1e-3 * image.max() > 0
 
 
 def test_memory_of_a_task_is_bounded():

@@ -129,7 +129,7 @@ def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, medium):
 
 @kernel
 def fill_entries(entries, counts, pixel, weight, table, sums, each):
-    """Sum the rays of each particle over pixels: `entries` are pixels (m,), weights and variances (m, channels).
+    """Sum the rays of each particle over pixels: `entries` are pixels (m,), weights and their errors (m, channels).
 
     `counts` (particles,) gets the number of pixels of each, in the order in which rays reach them; `pixel` is (passes,
     particles, replicates, rays), `weight` has channels as a last dimension. `table` is a hash table with a power of two
@@ -170,7 +170,7 @@ def fill_entries(entries, counts, pixel, weight, table, sums, each):
                     step = sums[e - first, r, c] / each - mean
                     squares += step * step
                 entries[1][e, c] = mean
-                entries[2][e, c] = squares / (replicates * (replicates - 1))
+                entries[2][e, c] = math.sqrt(squares / (replicates * (replicates - 1)))
     return end
 
 
@@ -181,12 +181,12 @@ def add_entries(image, variance, counts, entries, intensity):
     `intensity` is (particles, 1) or (particles, channels); weights may have one channel for all.
     """
     e = 0
-    pixels, weights, variances = entries
+    pixels, weights, errors = entries
     for p in range(counts.size):
         for _ in range(counts[p]):
             for c in range(image.shape[1]):
                 light = intensity[p, c if intensity.shape[1] > 1 else 0]
                 w = c if weights.shape[1] > 1 else 0
                 image[pixels[e], c] += light * weights[e, w]
-                variance[pixels[e], c] += light * light * variances[e, w]
+                variance[pixels[e], c] += (light * errors[e, w]) ** 2
             e += 1
