@@ -118,8 +118,11 @@ class _ParticleTasks:
             block = self.number[start : start + step]
             world = self.scene.points.positions[block]
             # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
+            radius = 0.5 * self.scene.points.diameter[block]
             polygons = [
-                entrance_polygons(band.record.entrance, in_lens_axes(band.record, world)).astype(np.float32)
+                entrance_polygons(
+                    band.record.entrance, in_lens_axes(band.record, world), radius if radius.any() else None
+                ).astype(np.float32)
                 for band in self.scene.passbands
             ]
             for first in range(0, len(block), self.size):

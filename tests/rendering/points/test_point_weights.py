@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from camera_helpers import bare_camera, camera_with, refused, the_lens
+from camera_helpers import GAUSS, bare_camera, camera_with, refused, the_lens
 
 import plenoptic as pl
 from plenoptic.rendering.points.particle_scene import particle_scene
@@ -317,3 +317,42 @@ def test_bad_particles_are_refused():
     # Outside the field: no light, no centroid.
     beside = weights_of([(4000.0, 0, -404)], camera)
     assert beside.light[0] == 0 and np.isnan(beside.centroid).all() and len(beside.pixel) == 0
+
+
+def light_of_disc(lens, centre, diameter, reach):
+    """Light and standard error of a disc that faces each ray, by rays to a square wider than the lens, of half side
+    `reach`, 10 mm in front of it.
+    """
+    n, z, rng = 1 << 21, float(lens.vertices[0]) - 10.0, np.random.default_rng(2)
+    aims = np.column_stack([rng.uniform(-reach, reach, (n, 2)), np.full(n, z)])
+    direction = aims - centre
+    distance = np.linalg.norm(direction, axis=1)
+    direction /= distance[:, None]
+    across = np.cross(direction, (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    radius, angle = 0.5 * diameter * np.sqrt(rng.random(n)), rng.uniform(0, 2 * math.pi, n)
+    offset = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(direction, across)
+    start = centre + radius[:, None] * offset
+    passed = lens.trace(pl.RayBundle(start, aims - start)).status == 0
+    weight = np.where(passed, (z - centre[2]) / distance**3, 0.0) * (2 * reach) ** 2
+    return weight.mean(), weight.std() / math.sqrt(n)
+
+
+@pytest.mark.parametrize(
+    ("centre", "diameter", "stop"),
+    [
+        ((0.0, 0.0, -404.0), 20.0, 5.0),
+        ((0.0, 0.0, -150.0), 40.0, 20.0),
+        ((20.0, 15.0, -150.0), 1.0, 2.0),
+        ((100.0, 30.0, -404.0), 60.0, 10.0),
+        ((190.0, 0.0, -404.0), 30.0, 25.0),  # at the rim of the field, cut by vignetting
+    ],
+)
+def test_discs_keep_their_light(centre, diameter, stop):
+    """Points of a disc see the pupil elsewhere: up to 49 % of the light was lost in the polygon seen from the centre."""
+    lens = GAUSS.with_stop(pl.CircularStop(stop))
+    camera = bare_camera(lens, shape=(256, 256), pitch=2.0)
+    light, error = light_of_disc(lens, np.array(centre), diameter, 40.0)
+    weights = weights_of([centre], camera, diameter=diameter, rays=1 << 18)
+    joint = math.hypot(error, weights.light_error[0])
+    assert abs(weights.light[0] - light) < 2 * joint + 1e-3 * light, (weights.light[0] / light - 1, joint / light)

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -43,6 +44,10 @@ _REGION = 0.0625
 pupil."""
 _FARTHEST = 2.0**-20
 """Length of the lens over the distance of the farthest corner of a simplex, which lies at infinity."""
+_RING = np.column_stack([normals_of(8) / math.cos(math.pi / 8), np.zeros(8)])
+"""Points (8, 3) around a disc of radius 1, whose octagon contains it."""
+_SMALL_DISC = 2.0**-7
+"""Displacement of the beams of a disc over the size of the pupil up to which it needs no search: outlines are wider."""
 _LONGEST = 1e150
 """Coordinate in mm up to which points share outlines."""
 
@@ -100,12 +105,43 @@ def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """
+    outline = _searched_outline(where, point)
+    return None if outline is DARK else polygon_around(outline.support)
+
+
+def _searched_outline(where: Entrance, point: Floats) -> Outline:
+    """Outline from a second search if the first one finds no light."""
     outline = _outline(where, point)
     if outline is DARK:
         rim = Guess(*_rim_box(where, point), _DENSE)
         with np.errstate(all="ignore"):
             outline = light_outline(PupilRays(where.parts, point, where.z), [rim], rim, _FINE)
-    return None if outline is DARK else polygon_around(outline.support)
+    return outline
+
+
+def _disc_polygon(where: Entrance, point: Floats, radius: float) -> Floats | None:
+    """Polygon as of `entrance_polygon` around all rays from a disc that faces each of them."""
+    outline = _searched_outline(where, point)
+    support = _rim_support(where, point) if outline is DARK else outline.support
+    radius = float(_radius_in_plane(polygon_around(support), where.z, point, radius))
+    ring = [_outline(where, point + radius * offset).support for offset in _RING]
+    support = np.max([outline.support, *ring], axis=0)
+    return polygon_around(support) if np.isfinite(support[0]) else None
+
+
+def _rim_support(where: Entrance, point: Floats) -> Floats:
+    (left, bottom), (right, top) = _rim_box(where, point)
+    corners = np.array([(left, bottom), (right, bottom), (left, top), (right, top)])
+    return np.asarray((corners @ normals_of(SIDES).T).max(axis=0))
+
+
+def _radius_in_plane(corners: Floats, z: float, point: Floats, radius: Floats | float) -> Floats:
+    """Radius of the disc at the z of a point through which pass all rays from one that faces them.
+
+    Rays go to corners (..., k, 2) on the plane z.
+    """
+    across = np.linalg.norm(corners - point[..., None, :2], axis=-1).max(axis=-1)
+    return np.asarray(radius * np.hypot(1.0, across / (z - point[..., 2])))
 
 
 def _outline(where: Entrance, point: Floats) -> Outline:
@@ -115,8 +151,10 @@ def _outline(where: Entrance, point: Floats) -> Outline:
         return light_outline(PupilRays(where.parts, point, where.z), guesses, rim, _FINE)
 
 
-def entrance_polygons(where: Entrance, points: Floats) -> Floats:
+def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = None) -> Floats:
     """Corners (n, SIDES, 2) of polygons as of `entrance_polygon` for points (n, 3); nan if dark.
+
+    With `radius` (n,) they are around all rays from discs around the points, each of which faces the ray.
 
     Object space is divided into simplices, and the polygon of a point is the union of the outlines at the corners of
     its simplex, as they lie on the plane of the entrance pupil. Points with light at the edge of that polygon have
@@ -126,15 +164,16 @@ def entrance_polygons(where: Entrance, points: Floats) -> Floats:
     polygons = np.full((len(points), SIDES, 2), np.nan)
     # The squares of more distant points may overflow.
     near = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) < _LONGEST)
-    polygons[near] = _polygons_of_simplices(where, points[near])
+    polygons[near] = _polygons_of_simplices(where, points[near], None if radius is None else radius[near])
     for k in np.flatnonzero(np.isnan(polygons[:, 0, 0])):
-        corners = entrance_polygon(where, points[k])
+        is_disc = radius is not None and radius[k] > 0.0
+        corners = _disc_polygon(where, points[k], radius[k]) if is_disc else entrance_polygon(where, points[k])
         if corners is not None:
             polygons[k] = corners
     return polygons
 
 
-def _polygons_of_simplices(where: Entrance, points: Floats) -> Floats:
+def _polygons_of_simplices(where: Entrance, points: Floats, radius: Floats | None) -> Floats:
     """Corners (n, SIDES, 2) of polygons around the outlines at the corners of each point's simplex; nan without one."""
     polygons = np.full((len(points), SIDES, 2), np.nan)
     z, semi_diameter, _ = where.pupil
@@ -156,14 +195,30 @@ def _polygons_of_simplices(where: Entrance, points: Floats) -> Floats:
     local, turn = local[shared], turn[shared]
     fraction, normals = 1.0 - (z - where.z) / distance[:, None], normals_of(SIDES)
     around = (1.0 - fraction) * (local.real[:, None] * normals[:, 0] + local.imag[:, None] * normals[:, 1])
-    corners = polygon_around(around + fraction * supports) @ (1.0, 1j) * turn[:, None]
+    supports, large = around + fraction * supports, np.zeros(len(rows), bool)
+    if radius is not None:
+        # The beam of a displaced point turns around its centre on the plane of the pupil.
+        inside = np.stack([local.real, local.imag, points[rows, 2]], axis=-1)
+        in_plane = _radius_in_plane(polygon_around(supports), where.z, inside, radius[rows])
+        displacement = np.abs(1.0 - fraction) * in_plane[:, None]
+        supports, large = supports + displacement, displacement[:, 0] > _SMALL_DISC * size
+    corners = polygon_around(supports) @ (1.0, 1j) * turn[:, None]
     edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
     start = np.stack([edge.real, edge.imag, np.full(edge.shape, where.z)], axis=-1)
-    directions = start - points[rows, None]
-    rays = RayBundle.through(start.reshape(-1, 3), directions.reshape(-1, 3), 1.0)
-    is_dark = (trace_record(where.lens, rays, threads=1).status != 0).reshape(edge.shape).all(axis=1)
+    is_dark = _are_dark(where, points[rows], start)
+    if radius is not None and large.any():
+        for offset in _RING:
+            displaced = points[rows[large]] + in_plane[large, None] * offset
+            is_dark[large] &= _are_dark(where, displaced, start[large])
     polygons[rows[is_dark]] = np.stack([corners.real, corners.imag], axis=-1)[is_dark]
     return polygons
+
+
+def _are_dark(where: Entrance, points: Floats, ends: Floats) -> NDArray[np.bool_]:
+    """True (n,) if no ray from a point (n, 3) through its ends (n, k, 3) passes the lens."""
+    directions = ends - points[:, None]
+    rays = RayBundle.through(ends.reshape(-1, 3), directions.reshape(-1, 3), 1.0)
+    return np.asarray((trace_record(where.lens, rays, threads=1).status != 0).reshape(ends.shape[:2]).all(axis=1))
 
 
 def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats, place: Floats) -> Floats:
