@@ -91,7 +91,7 @@ class ImplausibleCameraWarning(PlenopticWarning):
 
 
 class ImplausibleSceneWarning(PlenopticWarning):
-    """A scene of another scale than its camera, or glass that is inside out. See `PlenopticWarning`."""
+    """A scene of another scale than its camera, glass that is inside out or hides particles. See `PlenopticWarning`."""
 
 
 class UnseenSceneWarning(PlenopticWarning):

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, diffraction_record, in_lens_axes
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.values import Floats
-from plenoptic.errors import SceneError
+from plenoptic.core.warn import warn
+from plenoptic.errors import ImplausibleSceneWarning, SceneError
 from plenoptic.scene.points import Points
 from plenoptic.scene.textures.color import is_grey
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 _WAVELENGTHS = 16
 """Wavelengths at which a camera with a spectral sensitivity is traced."""
-_PILOT = 64
-"""Number of particles from whose errors the number of rays is chosen."""
 
 
 class Passband(NamedTuple):
@@ -42,8 +41,8 @@ class ParticleScene(NamedTuple):
     """Particles before a camera, compiled."""
 
     points: Points
-    pilot: NDArray[np.int64]
-    """Particles from whose errors the number of rays is chosen."""
+    lit: NDArray[np.int64]
+    """Particles that have light in any channel."""
     passbands: tuple[Passband, ...]
     hue: Floats | None
     """(n, 3): colours of particles over their means; None if weights have no colour: neither camera nor medium has."""
@@ -72,16 +71,18 @@ def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None,
     passbands = _passbands(camera, medium)
     record = passbands[0].record
     in_lens_axes(record, points.positions)
-    occluder = None if scene is None or not scene.meshes else _occluder(scene, points)
-    intensity = points.intensities(_pupil_centre(record))
+    centre = _pupil_centre(record)
+    occluder = None if scene is None or not scene.meshes else _occluder(scene, points, centre)
+    intensity = points.intensities(centre)
     columns = intensity if intensity.ndim == 2 else intensity[:, None]
     hue = None
     if camera.sensitivity is not None or len(passbands[0].weights) > 1:
         mean = columns.mean(axis=1, keepdims=True)
         hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
         columns = mean
-    pilot = np.unique(np.linspace(0, len(points) - 1, _PILOT).astype(np.int64))
-    return ParticleScene(points, pilot, passbands, hue, columns, occluder, np.uint64(seed))
+    return ParticleScene(
+        points, np.flatnonzero(columns.any(axis=1)), passbands, hue, columns, occluder, np.uint64(seed)
+    )
 
 
 def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband, ...]:
@@ -118,27 +119,56 @@ def _pupil_centre(record: ForwardRecord) -> Floats:
     return np.asarray((centre if pose is None else pose.to_world(centre))[0])
 
 
-def _occluder(scene: Scene, points: Points) -> PreparedScene:
-    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass."""
+def _occluder(scene: Scene, points: Points, centre: Floats) -> PreparedScene:
+    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass, and warn of
+    glass between them and the pupil's centre.
+    """
     from plenoptic.scene.cache import prepared_scene
     from plenoptic.scene.geometry.instance import Instances
     from plenoptic.scene.materials.alpha_mask import media_at
-    from plenoptic.scene.materials.dielectric import Dielectric
+    from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
 
-    prepared = prepared_scene(scene)
+    prepared, glass = prepared_scene(scene), []
     is_near_glass = np.zeros(len(points), bool)
-    for part in scene.meshes:
-        if isinstance((part.mesh if isinstance(part, Instances) else part).material, Dielectric):
+    for k, part in enumerate(scene.meshes):
+        material = (part.mesh if isinstance(part, Instances) else part).material
+        if isinstance(material, Dielectric | ThinGlass):
+            glass.append(k)
+        if isinstance(material, Dielectric):
             low, high = part.bounds
             is_near_glass |= ((low < points.positions) & (points.positions < high)).all(axis=1)
+    body = 0 if prepared.record.surrounding is None else 1
     for k in np.flatnonzero(is_near_glass).tolist():
         assert prepared.intersector is not None
-        if media_at(prepared.record, prepared.intersector, points.positions[k])[0] >= 0:
+        if media_at(prepared.record, prepared.intersector, points.positions[k])[body] >= 0:
             raise SceneError(
                 f"particle {k} at {points.positions[k].tolist()} mm lies inside a body of glass, whose surface stops "
-                "its rays; move it outside, or put an emissive mesh there"
+                "its rays; move it outside, give the medium to pl.Scene(medium=), or put an emissive mesh there"
             )
+    if glass:
+        _warn_of_glass(scene, prepared, points.positions, centre, glass)
     return prepared
+
+
+def _warn_of_glass(scene: Scene, prepared: PreparedScene, points: Floats, centre: Floats, glass: list[int]) -> None:
+    """Warn of meshes of glass, by their numbers in the scene, that particles lie behind."""
+    from plenoptic.scene.geometry.kernels.interaction import fill_distances
+    from plenoptic.scene.materials.alpha_mask import no_hits
+
+    record, distance = prepared.record, np.linalg.norm(centre - points, axis=1)
+    assert prepared.intersector is not None and record.triangle_mesh is not None
+    rays, reached = np.column_stack([points, (centre - points) / distance[:, None]]), np.empty(len(points))
+    hits = no_hits(record, len(points))
+    prepared.intersector.fill_closest(hits, rays)
+    fill_distances(reached, hits, rays, record.geometry)
+    hidden = record.triangle_mesh[hits.triangle[reached < distance]]
+    if names := [scene.object_names[k] for k in glass if (hidden == k).any()]:
+        count = int(np.isin(hidden, glass).sum())
+        warn(
+            f"{count} of {len(points)} particles lie behind glass, which hides them: {', '.join(names[:8])}; remove "
+            "it, or put a window before the lens by pl.optics.window",
+            ImplausibleSceneWarning,
+        )
 
 
 def pixel_area(camera: PlenopticCamera) -> float:

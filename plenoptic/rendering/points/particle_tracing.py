@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import math
+import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -26,7 +29,9 @@ REPLICATES = 8
 MAX_RAYS = 1 << 18
 """Largest number of rays of a particle."""
 _LEAST_RAYS = 128
-"""Least number of rays of a particle."""
+"""Least number of rays of a particle without a time limit."""
+_PILOT, _CANDIDATES = 64, 1024
+"""Number of particles from whose errors the number of rays is chosen, and of those among which they are sought."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
 _BLOCK = 1 << 15
@@ -66,20 +71,53 @@ class ParticlePixels(NamedTuple):
     """(n, replicates, 3): light, and light times x and y on the sensor, in mm; the mean over the channels."""
 
 
-def choose_rays(scene: ParticleScene, target_error: float, threads: int) -> int:
-    """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few particles.
+class RayNumber(NamedTuple):
+    """Rays of each particle, the wall time of a ray in s, and the time at which all should be traced."""
+
+    rays: int
+    seconds: float = 0.0
+    end: float = math.inf
+    """As of `time.perf_counter`."""
+
+
+def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: float = math.inf) -> RayNumber:
+    """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few lit particles.
 
     The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`.
     """
     rays = whole_replicates(scene, _LEAST_RAYS)
-    while 2 * rays <= MAX_RAYS:
-        parts = [part.moments[:, :, 0] for part in trace_particles(scene, rays, threads, scene.pilot)]
+    pilot, polygons = _lit_particles(scene, rays, threads)
+    while True:
+        begin = time.perf_counter()
+        tasks = _ParticleTasks(scene, pilot, RayNumber(rays), polygons)
+        parts = [
+            part.moments[:, :, 0]
+            for part in run_in_order(functools.partial(_trace_task, scene), tasks, threads=threads)
+        ]
+        seconds = time.perf_counter() - begin
         light = np.concatenate(parts)
         squares = light.var(axis=1, ddof=1).sum() / REPLICATES
-        if squares <= target_error**2 * np.square(light.mean(axis=1)).sum():
-            break
+        is_exact = squares <= target_error**2 * np.square(light.mean(axis=1)).sum()
+        if is_exact or 2 * rays > MAX_RAYS or begin + 8.0 * seconds > end:
+            return RayNumber(rays, seconds / max(rays * len(pilot), 1), end)
         rays *= 2
-    return rays
+
+
+def _lit_particles(
+    scene: ParticleScene, rays: int, threads: int
+) -> tuple[NDArray[np.int64], list[NDArray[np.float32]]]:
+    """Some particles whose light reaches the sensor, and their polygons; some dark ones if there are hardly others."""
+    candidates = np.random.default_rng(0).permutation(scene.lit if len(scene.lit) else len(scene.points))
+    lit: list[NDArray[np.int64]] = []
+    for first in range(0, min(len(candidates), _CANDIDATES), _PILOT):
+        number = candidates[first : first + _PILOT]
+        parts = trace_particles(scene, RayNumber(rays), threads, number)
+        lit.append(np.concatenate([part.number[part.moments[:, :, 0].any(axis=1)] for part in parts]))
+        if sum(map(len, lit)) >= _PILOT // 2:
+            break
+    pilot = np.concatenate(lit)[:_PILOT]
+    pilot = np.sort(pilot if len(pilot) else candidates[:_PILOT])
+    return pilot, entrance_polygons_at(scene, pilot)
 
 
 def whole_replicates(scene: ParticleScene, rays: int) -> int:
@@ -89,53 +127,72 @@ def whole_replicates(scene: ParticleScene, rays: int) -> int:
 
 
 def trace_particles(
-    scene: ParticleScene, rays: int, threads: int, number: NDArray[np.int64] | None = None
+    scene: ParticleScene, rays: RayNumber, threads: int, number: NDArray[np.int64] | None = None
 ) -> Iterator[ParticlePixels]:
-    """Trace `rays` of each particle to the sensor, of some or all, in their order.
+    """Trace rays of each particle to the sensor, of some or all, in their order.
 
-    A particle's pixels follow from the seed and its index alone.
+    A particle's pixels follow from the seed, its index and its number of rays alone.
     """
-    if number is None:
-        number = np.arange(len(scene.points))
-    tasks = _ParticleTasks(scene, number, min(max(_TASK_RAYS // rays, 1), _POINTS))
-    each = rays // REPLICATES // len(scene.passbands)
-    return run_in_order(lambda task: _trace_task(scene, *task, each), tasks, threads=threads)
+    tasks = _ParticleTasks(scene, np.arange(len(scene.points)) if number is None else number, rays)
+    return run_in_order(functools.partial(_trace_task, scene), tasks, threads=threads)
+
+
+def entrance_polygons_at(scene: ParticleScene, number: NDArray[np.int64]) -> list[NDArray[np.float32]]:
+    """Polygons (n, SIDES, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
+    world, radius = scene.points.positions[number], 0.5 * scene.points.diameter[number]
+    return [
+        entrance_polygons(
+            band.record.entrance, in_lens_axes(band.record, world), radius if radius.any() else None
+        ).astype(np.float32)
+        for band in scene.passbands
+    ]
+
+
+class ParticleTask(NamedTuple):
+    """Particles (n,) to trace together, their polygons at each wavelength, and rays of a replicate and wavelength."""
+
+    number: NDArray[np.int64]
+    polygons: list[NDArray[np.float32]]
+    each: int
 
 
 class _ParticleTasks:
-    """Tasks of `size` particles; polygons of the next block are computed while threads trace those before."""
+    """Tasks of particles; polygons of the next block are computed while threads trace those before."""
 
-    def __init__(self, scene: ParticleScene, number: NDArray[np.int64], size: int) -> None:
-        self.scene, self.number, self.size = scene, number, size
+    def __init__(
+        self,
+        scene: ParticleScene,
+        number: NDArray[np.int64],
+        rays: RayNumber,
+        polygons: list[NDArray[np.float32]] | None = None,
+    ) -> None:
+        self.scene, self.number, self.rays, self.polygons = scene, number, rays, polygons
+        self.size = min(max(_TASK_RAYS // rays.rays, 1), _POINTS)
 
     def __length_hint__(self) -> int:
         return -(-len(self.number) // self.size)
 
-    def __iter__(self) -> Iterator[tuple[NDArray[np.int64], list[NDArray[np.float32]]]]:
-        """Particles of each task, and their polygons at each wavelength."""
+    def __iter__(self) -> Iterator[ParticleTask]:
         step = max(_BLOCK // self.size, 1) * self.size
         for start in range(0, len(self.number), step):
-            block = self.number[start : start + step]
-            world = self.scene.points.positions[block]
+            begin, block = time.perf_counter(), self.number[start : start + step]
             # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
-            radius = 0.5 * self.scene.points.diameter[block]
-            polygons = [
-                entrance_polygons(
-                    band.record.entrance, in_lens_axes(band.record, world), radius if radius.any() else None
-                ).astype(np.float32)
-                for band in self.scene.passbands
-            ]
+            polygons = self.polygons if self.polygons is not None else entrance_polygons_at(self.scene, block)
+            now, remaining = time.perf_counter(), len(self.number) - start
+            left = self.rays.end - now - (now - begin) * (remaining / len(block) - 1.0)
+            rays, unit = self.rays.rays, whole_replicates(self.scene, 1)
+            while rays * remaining * self.rays.seconds > left and rays >= 2 * unit:
+                rays //= 2
             for first in range(0, len(block), self.size):
                 part = slice(first, first + self.size)
-                yield block[part], [polygon[part] for polygon in polygons]
+                yield ParticleTask(block[part], [polygon[part] for polygon in polygons], rays // unit)
 
 
-def _trace_task(
-    scene: ParticleScene, number: NDArray[np.int64], polygons: list[NDArray[np.float32]], each: int
-) -> ParticlePixels:
+def _trace_task(scene: ParticleScene, task: ParticleTask) -> ParticlePixels:
     """Trace the rays of some particles to their polygons, bundle by bundle."""
     from plenoptic.rendering.points.kernels.particle_rays import fill_entries
 
+    number, polygons, each = task
     world = scene.points.positions[number]
     lens_points = [in_lens_axes(band.record, world) for band in scene.passbands]
     lit = np.flatnonzero(np.all([np.isfinite(polygon[:, 0, 0]) for polygon in polygons], axis=0))

@@ -36,6 +36,7 @@ from plenoptic.rendering.points.particle_scene import particle_scene
 from plenoptic.rendering.points.particle_tracing import (
     MAX_RAYS,
     REPLICATES,
+    RayNumber,
     choose_rays,
     trace_particles,
     whole_replicates,
@@ -327,8 +328,8 @@ def point_weights(
     check_focusing(camera)
     with CallProgress("tracing particles", kind="camera", show=progress):
         traced = particle_scene(points, camera, scene, seed)
-        n = choose_rays(traced, target, workers) if rays is None else whole_replicates(traced, rays)
-        parts = list(trace_particles(traced, n, workers))
+        n = choose_rays(traced, target, workers).rays if rays is None else whole_replicates(traced, rays)
+        parts = list(trace_particles(traced, RayNumber(n), workers))
     moments = np.concatenate([part.moments for part in parts])
     counts = np.concatenate([part.counts for part in parts])
     columns: list[Any] = [[part.entries[k] for part in parts] for k in range(3)]

@@ -9,7 +9,7 @@ from camera_helpers import GAUSS, bare_camera, camera_with, refused, the_lens
 
 import plenoptic as pl
 from plenoptic.rendering.points.particle_scene import particle_scene
-from plenoptic.rendering.points.particle_tracing import trace_particles
+from plenoptic.rendering.points.particle_tracing import RayNumber, trace_particles
 
 THIN = pl.LensModel.THIN
 TILTED = (pl.CameraPart.MICROLENSES, (0.03, -0.02, 0.0), (0.02, -0.01, 0.1))
@@ -296,7 +296,7 @@ def test_errors_of_faint_particles_hold(distance):
 
 def test_memory_of_a_task_is_bounded():
     points = pl.Points(RNG.uniform((-7, -7, -420), (7, 7, -390), (40, 3)), intensity=1.0)
-    parts = list(trace_particles(particle_scene(points, CAMERAS["2.0"], None, 0), 1 << 16, 1))
+    parts = list(trace_particles(particle_scene(points, CAMERAS["2.0"], None, 0), RayNumber(1 << 16), 1))
     assert [len(part.number) for part in parts] == [8] * 5  # 2^19 rays
     assert [k for part in parts for k in part.number] == list(range(40))
 
@@ -321,9 +321,9 @@ def test_bad_particles_are_refused():
 
 def light_of_disc(lens, centre, diameter, reach):
     """Light and standard error of a disc that faces each ray, by rays to a square wider than the lens, of half side
-    `reach`, 10 mm in front of it.
+    `reach`, at its first vertex.
     """
-    n, z, rng = 1 << 21, float(lens.vertices[0]) - 10.0, np.random.default_rng(2)
+    n, z, rng = 1 << 21, float(lens.vertices[0]) - 1e-6, np.random.default_rng(2)
     aims = np.column_stack([rng.uniform(-reach, reach, (n, 2)), np.full(n, z)])
     direction = aims - centre
     distance = np.linalg.norm(direction, axis=1)
@@ -349,7 +349,7 @@ def light_of_disc(lens, centre, diameter, reach):
     ],
 )
 def test_discs_keep_their_light(centre, diameter, stop):
-    """Points of a disc see the pupil elsewhere: up to 49 % of the light was lost in the polygon seen from the centre."""
+    """Points of a disc see the pupil elsewhere: up to 49 % of the light was lost in the polygon of the centre."""
     lens = GAUSS.with_stop(pl.CircularStop(stop))
     camera = bare_camera(lens, shape=(256, 256), pitch=2.0)
     light, error = light_of_disc(lens, np.array(centre), diameter, 40.0)
