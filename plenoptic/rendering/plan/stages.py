@@ -71,6 +71,7 @@ class Stage(enum.IntEnum):
     TRUTH = 41
     STANDARD_ERROR = 42
     RARE_LIGHT = 43
+    PARTICLES = 44
 
 
 @value

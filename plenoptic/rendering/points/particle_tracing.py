@@ -34,7 +34,7 @@ _PILOT, _CANDIDATES = 64, 1024
 """Number of particles from whose errors the number of rays is chosen, and of those among which they are sought."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
-_BLOCK = 1 << 15
+POLYGON_BLOCK = 1 << 15
 """Particles whose polygons are computed together, which takes 3 kB for each."""
 
 
@@ -173,7 +173,7 @@ class _ParticleTasks:
         return -(-len(self.number) // self.size)
 
     def __iter__(self) -> Iterator[ParticleTask]:
-        step = max(_BLOCK // self.size, 1) * self.size
+        step = max(POLYGON_BLOCK // self.size, 1) * self.size
         for start in range(0, len(self.number), step):
             begin, block = time.perf_counter(), self.number[start : start + step]
             # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
