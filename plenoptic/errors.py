@@ -91,7 +91,10 @@ class ImplausibleCameraWarning(PlenopticWarning):
 
 
 class ImplausibleSceneWarning(PlenopticWarning):
-    """A scene of another scale than its camera, glass that is inside out or hides particles. See `PlenopticWarning`."""
+    """A scene of another scale than its camera, glass that is inside out or hides particles, an unseen light sheet.
+
+    See `PlenopticWarning`.
+    """
 
 
 class UnseenSceneWarning(PlenopticWarning):

@@ -21,6 +21,7 @@ from plenoptic.scene.geometry.geometry_records import NORMAL, OFFSET, POINT
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.environment import ConstantBackground
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.textures.color import mean_colour
 
@@ -92,6 +93,7 @@ class _Emitter(NamedTuple):
     normals: Floats | None = None
     """(m, 3), if one side is dark."""
     spot: SpotLight | None = None
+    sheet: Sheet | None = None
 
 
 def _emitters(scene: Scene) -> Iterator[_Emitter]:
@@ -101,6 +103,8 @@ def _emitters(scene: Scene) -> Iterator[_Emitter]:
             yield _mesh_emitter(name, [light.mesh()])
         elif isinstance(light, DistantLight) and np.any(light.irradiance):
             yield _Emitter(name, -light.direction[None], distant=True)
+        elif isinstance(light, Sheet) and np.any(light.irradiance):
+            yield _Emitter(name, light.position[None], sheet=light)
         elif isinstance(light, PositionalLight) and np.any(light.intensity):
             yield _Emitter(name, light.position[None], spot=light if isinstance(light, SpotLight) else None)
     for part, name in zip(scene.meshes, scene.object_names, strict=False):
@@ -181,6 +185,11 @@ class _Probe:
         if not emitter.distant:
             to_light = emitter.ends - points[:, None]
         arrives = np.ones(to_light.shape[:2], dtype=bool)
+        if emitter.sheet is not None:
+            if not emitter.sheet.reaches(np.stack([points.min(axis=0), points.max(axis=0)])):
+                return "shines past them"
+            lengths = np.minimum(emitter.sheet.lengths_at(points), self.record.lights.far)
+            to_light = -(emitter.sheet.directions_at(points) * lengths[:, None])[:, None]
         if emitter.normals is not None:
             arrives &= (to_light * emitter.normals).sum(axis=2) < 0
             if not arrives.any():

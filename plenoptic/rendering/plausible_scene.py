@@ -1,4 +1,4 @@
-"""Warning of scenes of another scale than their camera, and of glass that is inside out."""
+"""Warning of scenes of another scale than their camera, of glass that is inside out, and of sheets that miss all."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from plenoptic.core.warn import warn
 from plenoptic.errors import ImplausibleSceneWarning
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.scene.geometry.instance import Instances
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.scene import Scene
 
@@ -21,7 +22,7 @@ _LARGEST = 20.0
 
 def warn_if_scene_implausible(scene: Scene, camera: PlenopticCamera) -> None:
     """Issue one warning that names everything that is hardly meant; none for other scenes."""
-    if values := "; ".join([*_scale(scene, camera), *_glass(scene)]):
+    if values := "; ".join([*_scale(scene, camera), *_glass(scene), *_sheets(scene)]):
         warn(f"this scene is hardly what was meant: {values}", ImplausibleSceneWarning)
 
 
@@ -45,3 +46,11 @@ def _glass(scene: Scene) -> Iterator[str]:
         enclosing = (scene.meshes[j].bounds for j in glass if j != k)  # a bubble in glass is none of its own
         if not any((outer[0] <= low).all() and (high <= outer[1]).all() for outer in enclosing):
             yield f"the faces of the glass {scene.object_names[k]} wind inwards; turn them: faces[:, ::-1]"
+
+
+def _sheets(scene: Scene) -> Iterator[str]:
+    scatters = scene.medium is not None and np.any(scene.medium.scattering)
+    boxes = [part.bounds for part in (*scene.meshes, *(() if scene.points is None else (scene.points,)))]
+    for number, light in enumerate(scene.lights):
+        if isinstance(light, Sheet) and not scatters and not any(light.reaches(box) for box in boxes):
+            yield f"the light of Sheet {number} passes all meshes and particles; move it, or turn its normal"

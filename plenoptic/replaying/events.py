@@ -84,6 +84,7 @@ class DrawnKind(enum.IntEnum):
     POINT = 1
     SUN = 2
     ENVIRONMENT = 3
+    SHEET = 4
 
 
 @result
@@ -106,7 +107,7 @@ class DirectLight:
     place: Place | None
     """Of a TRIANGLE."""
     light: int | None
-    """Index in `scene.lights` of a POINT (a spot too) or SUN."""
+    """Index in `scene.lights` of a POINT (a spot too), SHEET or SUN."""
     point: Floats | None
     """(3,): end of the shadow ray; for suns and the environment beyond the scene. None if the light shines the other
     way."""

@@ -17,6 +17,7 @@ from plenoptic.scene.geometry.geometry_records import SHADING_NORMAL, Hits, Inte
 from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.lights.light_records import END, DrawnLights
 from plenoptic.scene.lights.registry import AreaLight, DistantLight, PositionalLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.scene_record import SceneRecord
@@ -122,8 +123,11 @@ class _SceneNames:
         self._scene, self._record = scene, record
         self._instance_of = None if moving is None else moving.instance_of
         self._shapes = [light.mesh() for light in scene.lights if isinstance(light, AreaLight)]
-        self._points = [i for i, light in enumerate(scene.lights) if isinstance(light, PositionalLight)]
-        self._suns = [i for i, light in enumerate(scene.lights) if isinstance(light, DistantLight)]
+        classes = {DrawnKind.POINT: PositionalLight, DrawnKind.SHEET: Sheet, DrawnKind.SUN: DistantLight}
+        self._lights = {
+            kind: [i for i, light in enumerate(scene.lights) if isinstance(light, of_kind)]
+            for kind, of_kind in classes.items()
+        }
         repeated = [(i, len(mesh)) for i, mesh in enumerate(scene.meshes) if isinstance(mesh, Instances)]
         self._repeated = np.array(repeated, dtype=np.int64).reshape(-1, 2)
 
@@ -169,7 +173,7 @@ class _SceneNames:
             return kind, self.place(row, int(lights.items["instance"][item])), None
         if kind is DrawnKind.ENVIRONMENT:
             return kind, None, None
-        return kind, None, (self._points if kind is DrawnKind.POINT else self._suns)[row]
+        return kind, None, self._lights[kind][row]
 
 
 def _intersect(ray: Floats, corners: Floats) -> tuple[float, Floats]:

@@ -169,7 +169,7 @@ class Points:
             diameter=scale * self.diameter,
             intensity=None if self.intensity is None else scale**2 * self.intensity,
             cross_section=None if section is None else scale**2 * section,
-            sheet=None if self.sheet is None else self.sheet.under(full, scale),
+            sheet=None if self.sheet is None else self.sheet.moved(full, scale),
         )
 
 

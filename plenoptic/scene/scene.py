@@ -21,6 +21,7 @@ from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.geometry.moves import similarity
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.registry import LIGHTS, AreaLight, DistantLight, Light
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.medium import Medium, as_medium
 from plenoptic.scene.materials.registry import Material
 from plenoptic.scene.points import Points
@@ -38,7 +39,7 @@ class Scene:
     ----------
     meshes : sequence of Mesh or Instances
         Surfaces, in mm, in one frame: the world.
-    lights : sequence of QuadLight, SphereLight, PointLight, SpotLight or SunLight
+    lights : sequence of QuadLight, SphereLight, PointLight, SpotLight, SunLight or Sheet
         Light sources besides emissive meshes.
     background : ConstantBackground, EnvironmentMap, float, (float, float, float) or None
         Background of rays that hit no surface; a bare colour becomes a `ConstantBackground`, None is a black world.
@@ -54,8 +55,8 @@ class Scene:
     InvalidValueError
         Something that is not a mesh, a light, a background or particles.
     SceneError
-        No mesh, no light, no background and no points; a medium without bound under the sun or a background, or with
-        particles in a light sheet.
+        No mesh, no light, no background and no points; a medium without bound under the sun, a background or a
+        sheet without start.
 
     Examples
     --------
@@ -90,17 +91,20 @@ class Scene:
         elif not self.has_surfaces_or_light:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
         as_medium(self.medium, "medium")
-        if self.medium is not None and self.points is not None and self.points.sheet is not None:
-            raise SceneError(
-                "the scene has a medium, in which a light sheet without a beginning would have no light left; give the "
-                "particles an intensity= in place of the sheet, or remove the medium"
-            )
         dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
         sky = self.background is not None and not dark
         if self.medium is not None and (sky or any(isinstance(light, DistantLight) for light in self.lights)):
             raise SceneError(
                 "the scene has a medium without bound under the sun or a background, of which no light arrives; "
                 "bound it by a body of pl.Dielectric(1.0, medium=...), or light it by lamps"
+            )
+        sheets = [light for light in self.lights if isinstance(light, Sheet)]
+        if self.points is not None and self.points.sheet is not None:
+            sheets.append(self.points.sheet)
+        if self.medium is not None and any(sheet.start is None for sheet in sheets):
+            raise SceneError(
+                "the scene has a medium without bound under a light sheet from infinity, of which no light arrives; "
+                "give the sheet a start=, mm along its direction from its position"
             )
 
     @property

@@ -199,6 +199,8 @@ def brightest_radiance(record: SceneRecord) -> float:
         angle = 2 * math.pi * sky.suns["cap"]
         irradiance = sky.sun_colors.mean(axis=1) * np.where(angle > 0, angle, 1.0)
         candidates.append(float(irradiance.max()) / math.pi)
+    if lights.sheet_colors is not None:
+        candidates.append(float(lights.sheet_colors.mean(axis=1).max()) / math.pi)
     if lights.point_colors is not None:
         candidates.append(float(lights.point_colors.mean(axis=1).max()) / (math.pi * (lights.far / 4) ** 2))
     return max(candidates)

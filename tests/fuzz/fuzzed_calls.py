@@ -94,7 +94,8 @@ def use(made):
     if isinstance(made, pl.Mesh | pl.scene.Instances):
         made = pl.Scene([made], background=0.1)
     if isinstance(made, lights.Sheet):
-        made = pl.Points([(0.0, 0.0, -400.0)], sheet=made, cross_section=1.0)
+        particles = pl.Points([(0.0, 0.0, -400.0)], sheet=made, cross_section=1.0)
+        made = dataclasses.replace(scene().with_lights([made]), points=particles)
     if isinstance(made, pl.Points):
         made = pl.Scene(points=made)
     if type(made) in lights.__dict__.values():

@@ -186,8 +186,10 @@ Points.sheet: pl.Points(positions=[[0.0, 0, z]], sheet=sheet, cross_section=0.1,
 pl.Points([[0.0, 0, z]], intensity=1.0).moved(velocity=(1.0, 0, 0), dt=0.1)
 pl.Points([[0.0, 0, z]], intensity=1.0).under(matrix=eye)
 lights.Sheet(position=(0.0, 0, z), direction=(1.0, 0, 0), normal=(0.0, 0, 1.0), thickness=1.0, irradiance=2.0,
-    divergence=0.01)
+    divergence=0.01, start=-50.0)
 sheet.irradiance_at(points=[[0.0, 0, z]])
+sheet.directions_at(points=[[0.0, 0, z]])
+sheet.lengths_at(points=[[0.0, 0, z]])
 lights.SphereLight(center=(0.0, 100.0, 0), radius=5.0, radiance=1.0)
 lights.SpotLight(position=(0.0, 0, 0), direction=(0.0, 0, -1.0), intensity=9.0, inner_angle=0.2, outer_angle=0.5)
 SpotLight.facing: lights.SpotLight.facing(position=(0.0, 0, 0), target=(0.0, 0, -1.0), intensity=9.0)

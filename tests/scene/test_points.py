@@ -11,17 +11,17 @@ SHEET = pl.lights.Sheet((0, 0, -404), (2, 0, 0), (0, 0, 1), thickness=1.0, irrad
 
 
 def test_the_light_of_a_sheet_is_conserved_along_it():
-    """The integral of the irradiance across the sheet is irradiance w0 sqrt(pi / 2) everywhere."""
+    """The integral of the irradiance of planes across is irradiance w0 sqrt(pi / 2) everywhere."""
     across = np.linspace(-20, 20, 20001)
     for along in (-30.0, 0.0, 7.0, 60.0):
         points = np.column_stack([np.full(across.size, along), np.zeros(across.size), -404 + across])
-        integral = SHEET.irradiance_at(points).sum() * 0.002
+        integral = (SHEET.irradiance_at(points) * SHEET.directions_at(points)[:, 0]).sum() * 0.002
         assert abs(integral / (5.0 * 0.5 * math.sqrt(math.pi / 2)) - 1) < 1e-9
     # Half the thickness from the middle: 1 / e^2. Far away the width is s tan(divergence).
     assert abs(SHEET.irradiance_at([(0, 3, -403.5)])[0] / 5.0 - math.exp(-2)) < 1e-12
     s = 1e4
     far = SHEET.irradiance_at([(s, 0, -404), (s, 0, -404 + s * math.tan(0.1))])
-    assert abs(far[1] / far[0] - math.exp(-2)) < 1e-6
+    assert abs(far[1] / far[0] * math.cos(0.1) - math.exp(-2)) < 1e-6
 
 
 def test_intensity_is_irradiance_times_cross_section_times_phase():
@@ -93,7 +93,7 @@ def test_bad_particles_are_refused(arguments, message):
 
 
 def test_bad_sheets_and_scenes_are_refused():
-    with pytest.raises(pl.errors.SceneError, match="light sheet without a beginning"):
+    with pytest.raises(pl.errors.SceneError, match="give the sheet a start="):
         pl.Scene(medium=pl.materials.fog(1e4), points=pl.Points([(0, 0, -400)], sheet=SHEET))
     with pytest.raises(pl.errors.SceneError, match="right angles"):
         pl.lights.Sheet((0, 0, 0), (1, 0, 0), (1, 1, 0), thickness=1.0)

@@ -41,7 +41,7 @@ def test_merging_adds_up():
 
 def test_impossible_scenes_are_refused():
     for arguments, said in (
-        (([square()], [square()]), "holds Mesh; it may hold QuadLight or .* or SunLight only"),
+        (([square()], [square()]), "holds Mesh; it may hold QuadLight or .* or SunLight or Sheet only"),
         (([square()], np.array(1.0)), "lights is ndarray; it must be a sequence of QuadLight"),
         (([square()], (), LAMP), "radiance"),
         (([square()], (), -1.0), "radiance"),

@@ -14,6 +14,7 @@ from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.lights.environment import EnvironmentMap
 from plenoptic.scene.lights.fields import channel_mean
 from plenoptic.scene.lights.registry import AreaLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.lights.sun import SunLight
 from plenoptic.scene.materials.conductor import Conductor
@@ -114,12 +115,15 @@ class _Lamp(NamedTuple):
     """(2, 3), mm: box around it."""
     cone: tuple[Floats, float] | None = None
     """Unit vector along which it shines, and the half angle in rad up to which it does."""
+    sheet: Sheet | None = None
 
     def seen_from(self, box: Floats, receivers: list[Floats]) -> tuple[str, float, float]:
         """Name, irradiance and solid angle in sr, from the middle of a box (2, 3) in mm or the nearest receiver.
 
         The longest distance counts: to the box, half its diagonal, or to the nearest of the receivers, boxes (2, 3).
         """
+        if self.sheet is not None and not self.sheet.reaches(box):
+            return self.name, 0.0, 0.0
         if self.shape is None:
             return self.name, self.radiance, self.size
         middle, radius = self.shape.mean(axis=0), float(np.linalg.norm(box[1] - box[0])) / 2
@@ -141,6 +145,8 @@ def _lamps(scene: Scene) -> list[_Lamp]:
     for name, light in zip(names, scene.lights, strict=True):
         if isinstance(light, SunLight):
             lamps.append(_Lamp(name, channel_mean(light.irradiance), math.pi * math.sin(light.angular_radius) ** 2))
+        elif isinstance(light, Sheet):
+            lamps.append(_Lamp(name, channel_mean(light.irradiance), 0.0, sheet=light))
         elif isinstance(light, AreaLight):
             shining.append((name, light.mesh()))
         else:

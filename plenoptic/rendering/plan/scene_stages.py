@@ -17,7 +17,7 @@ WHITE = "a white image has no scene"
 
 def is_dark(record: SceneRecord) -> bool:
     """True if nothing in a scene emits light, so that its image is black."""
-    return not _visible(record) and record.lights.points is None
+    return not _visible(record) and record.lights.points is None and record.lights.sheets is None
 
 
 def _visible(record: SceneRecord) -> bool:
@@ -49,6 +49,7 @@ def _sampled_lights(record: SceneRecord) -> str:
     kinds = {
         "surfaces": None if record.emission is None else record.emission.pdf,
         "points": lights.points,
+        "sheets": lights.sheets,
         "suns": lights.sky.suns,
         "the environment": lights.sky.environment,
     }

@@ -75,6 +75,10 @@ def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None,
     occluder = None if scene is None or not scene.meshes else _occluder(scene, points, centre)
     intensity = points.intensities(centre)
     columns = intensity if intensity.ndim == 2 else intensity[:, None]
+    if medium is not None and points.sheet is not None:
+        extinction = np.atleast_1d(np.add(medium.absorption, medium.scattering))
+        lengths = np.maximum(points.sheet.lengths_at(points.positions), 0.0)
+        columns = columns * np.exp(-np.multiply.outer(lengths, extinction))
     hue = None
     if camera.sensitivity is not None or len(passbands[0].weights) > 1:
         mean = columns.mean(axis=1, keepdims=True)

@@ -31,6 +31,8 @@ from plenoptic.scene.lights.light_records import (
     POINT,
     POINT_LIGHT,
     SHADOW_OFFSET,
+    SHEET,
+    SHEET_LIGHT,
     SUN,
     SUN_LIGHT,
     TRIANGLE,
@@ -39,10 +41,11 @@ from plenoptic.scene.lights.light_records import (
     Sky,
 )
 from plenoptic.scene.lights.registry import DistantLight, Light, PositionalLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.build_materials import color_rows
 
 _FEWEST, _MOST = 0.1, 0.9
-"""Share of the draws that goes to distant lights (suns, environment) where there are near ones too. Their power
+"""Share of the draws that goes to distant lights (suns, sheets, environment) where there are near ones too. Their power
 depends on the size of the scene, and a floor of a kilometre must not leave lamps without draws."""
 _CANDIDATES, _MANY = 4, 100
 """Lights of which one is chosen by its contribution, and the number of lights in a scene from which on that pays.
@@ -76,12 +79,14 @@ def lights_record(
     """
     points = [light for light in lights if drawn and isinstance(light, PositionalLight)]
     suns = [light for light in lights if isinstance(light, DistantLight)]
+    sheets = [light for light in lights if drawn and isinstance(light, Sheet)]
     environment = sky.environment
     extent = np.zeros((2, 3)) if bounds is None else bounds
     diameter = float(np.linalg.norm(extent[1] - extent[0]))
-    disc = math.pi * max(diameter / 2, 1e-9) ** 2
+    radius = max(diameter / 2, 1e-9)
+    disc = math.pi * radius**2
     # Powers relative to the brightest, so that no radiance overflows.
-    unit_powers = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns]
+    unit_powers = [light.power for light in points] + [channel_mean(light.irradiance) for light in suns + sheets]
     unit_powers += [] if emitters is None else [float(emitters.exitance.max())]
     unit_powers += [] if environment is None else [environment.total]
     unit = max(unit_powers, default=0.0) or 1.0
@@ -89,15 +94,17 @@ def lights_record(
     point_power = np.array([light.power / unit for light in points])
     sun_power = np.array([disc * (channel_mean(light.irradiance) / unit) for light in suns if drawn])
     sky_power = np.array([] if environment is None or not drawn else [disc * (environment.total / unit)])
+    strips = [min(math.sqrt(math.pi / 8) * light.thickness, 2 * radius) * 2 * radius for light in sheets]
+    sheet_power = np.array(strips) * [channel_mean(light.irradiance) / unit for light in sheets]
     probability, per_near = _share_sky(
-        np.concatenate([near_power, point_power]), np.concatenate([sun_power, sky_power])
+        np.concatenate([near_power, point_power]), np.concatenate([sheet_power, sun_power, sky_power])
     )
     cdf = items = None
     sun_pdf = np.zeros(len(suns))
     if probability.size:
-        powers = (near_power, point_power, sun_power, sky_power)
+        powers = (near_power, point_power, sheet_power, sun_power, sky_power)
         items = np.empty(probability.size, dtype=LIGHT)
-        items["kind"] = np.repeat([TRIANGLE, POINT, SUN, ENVIRONMENT], [power.size for power in powers])
+        items["kind"] = np.repeat([TRIANGLE, POINT, SHEET, SUN, ENVIRONMENT], [power.size for power in powers])
         items["row"] = np.concatenate([near_rows, *(np.arange(power.size) for power in powers[1:])])
         items["instance"] = -1
         items["instance"][: near_power.size] = near_instances
@@ -116,6 +123,8 @@ def lights_record(
         areas=None if emitters is None or not near_power.size else _area_rows(emitters, near_rows, near_instances),
         points=contiguous(np.array([light.row() for light in points], POINT_LIGHT)) if points else None,
         point_colors=color_rows([light.intensity for light in points], channels) if points else None,
+        sheets=contiguous(np.array([light.row() for light in sheets], SHEET_LIGHT)) if sheets else None,
+        sheet_colors=color_rows([light.irradiance for light in sheets], channels) if sheets else None,
         sky=Sky(
             background=sky.background,
             suns=contiguous(np.array(sun_rows, SUN_LIGHT)) if suns else None,

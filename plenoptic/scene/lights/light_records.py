@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 
-TRIANGLE, POINT, SUN, ENVIRONMENT = range(4)
+TRIANGLE, POINT, SUN, ENVIRONMENT, SHEET = range(5)
 """Kinds of sampled lights."""
 
 LIGHT = np.dtype([("row", np.int64), ("instance", np.int32), ("kind", np.uint8)])
-"""Sampled light: row of the triangles, points or suns; instance of a triangle, -1 for a plain one; kind."""
+"""Sampled light: row of the triangles, points, suns or sheets; instance of a triangle, -1 for a plain one; kind."""
 
 CORNER, EDGE_1, EDGE_2, FRONT_NORMAL, SHADOW_OFFSET = 0, 3, 6, 9, 12
 AREA_COLUMNS = 13
@@ -28,12 +28,22 @@ POINT_LIGHT = np.dtype(
 SUN_LIGHT = np.dtype([(name, np.float64) for name in ("x", "y", "z", "cap", "pdf")])
 """Direction to the sun, 1 - cosine of its angular radius, and the probability with which it is drawn."""
 
+SHEET_LIGHT = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("x", "y", "z", "along_x", "along_y", "along_z", "across_x", "across_y", "across_z")
+    ]
+    + [(name, np.float64) for name in ("waist", "tangent", "start")]
+)
+"""Middle of the waist in mm, direction and normal of the sheet, half width of the waist in mm, tangent of the
+divergence, and distance along the direction at which the light begins, -inf if infinitely far."""
+
 DIRECTION, END, PDF = 0, 3, 6
 DRAWN_COLUMNS = 7
 """Columns of a drawn light: unit direction to it, the point at which its shadow ray ends, and its density."""
 
 DELTA = -1.0
-"""The density of a direction that is the only one: a mirror's, or that of a point or of a sun without extent."""
+"""The density of a direction that is the only one: a mirror's, or that of a point, a sheet or a sun without extent."""
 
 
 class Environment(NamedTuple):
@@ -95,6 +105,10 @@ class Lights(NamedTuple):
     """(np,) of POINT_LIGHT: points and spots."""
     point_colors: Floats | None
     """(np, C): intensity."""
+    sheets: NDArray[Any] | None
+    """(nh,) of SHEET_LIGHT."""
+    sheet_colors: Floats | None
+    """(nh, C): irradiance in the middle of the waist."""
     sky: Sky
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""

@@ -6,6 +6,7 @@ from typing import TypeAlias
 
 from plenoptic.scene.lights.point import PointLight
 from plenoptic.scene.lights.quad import QuadLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.lights.sphere import SphereLight
 from plenoptic.scene.lights.spot import SpotLight
 from plenoptic.scene.lights.sun import SunLight
@@ -17,6 +18,6 @@ PositionalLight: TypeAlias = PointLight | SpotLight
 DistantLight: TypeAlias = SunLight
 """Lights at infinity."""
 
-Light: TypeAlias = AreaLight | PositionalLight | DistantLight
+Light: TypeAlias = AreaLight | PositionalLight | DistantLight | Sheet
 
-LIGHTS = (QuadLight, SphereLight, PointLight, SpotLight, SunLight)
+LIGHTS = (QuadLight, SphereLight, PointLight, SpotLight, SunLight, Sheet)

@@ -1,6 +1,6 @@
 """Points on lights, drawn by power.
 
-Lights are one table of triangles that emit, points, suns and the environment, with cumulative probabilities.
+Lights are one table of triangles that emit, points, sheets, suns and the environment, with cumulative probabilities.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from plenoptic.scene.lights.light_records import (
     PDF,
     POINT,
     SHADOW_OFFSET,
+    SHEET,
     SUN,
     TRIANGLE,
 )
@@ -106,8 +107,26 @@ def _fill_sun_sample(rows, i, point, u, v, sun, far):
 
 
 @device
+def _fill_sheet_sample(rows, i, point, sheet, far):
+    """Fill row i for a sheet with its irradiance on a surface that faces its rays, 1 in the middle of its waist."""
+    along = (sheet.along_x, sheet.along_y, sheet.along_z)
+    across = (sheet.across_x, sheet.across_y, sheet.across_z)
+    offset = sub(point, (sheet.x, sheet.y, sheet.z))
+    s, a = dot(offset, along), dot(offset, across)
+    if s < sheet.start:
+        return 0.0
+    width = math.hypot(sheet.waist, s * sheet.tangent)
+    slope = a / width * (s * sheet.tangent / width) * sheet.tangent
+    stretch = math.hypot(1.0, slope)
+    w = scale(add(along, scale(across, slope)), -1.0 / stretch)
+    _fill_distant_sample(rows, i, point, w, far if sheet.start == -math.inf else (s - sheet.start) * stretch)
+    rows[i, PDF] = DELTA
+    return sheet.waist / width * math.exp(-2.0 * (a / width) ** 2) * stretch
+
+
+@device
 def _fill_distant_sample(rows, i, point, w, far):
-    """A direction, and an end of its shadow ray beyond the scene."""
+    """A direction, and the end of its shadow ray, `far` mm away."""
     fill_vector(rows, i, DIRECTION, w)
     fill_vector(rows, i, END, add(point, scale(w, far)))
 
@@ -117,6 +136,12 @@ def _fill_row(color, colors, k):
     """Fill a colour with a row of colours."""
     for c in range(color.size):
         color[c] = colors[k, c]
+
+
+@device
+def _probability(cdf, k):
+    """Probability with which light k is drawn."""
+    return cdf[k] - (cdf[k - 1] if k > 0 else 0.0)
 
 
 @kernel
@@ -143,6 +168,8 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
     cdf, items, areas, far = lights.cdf, lights.items, lights.areas, lights.far
     points = lights.points
     point_colors = lights.point_colors
+    sheets = lights.sheets
+    sheet_colors = lights.sheet_colors
     suns = lights.sky.suns
     sun_colors = lights.sky.sun_colors
     environment = lights.sky.environment
@@ -155,6 +182,8 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
         channels = emitted.shape[1]
     if point_colors is not None:
         channels = point_colors.shape[1]
+    if sheet_colors is not None:
+        channels = sheet_colors.shape[1]
     if sun_colors is not None:
         channels = sun_colors.shape[1]
     if environment_texels is not None:
@@ -169,7 +198,7 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
         v = random[1, i]
         point = row_vector(points_at, i, INTERACTION_POINT)
         kind = np.uint8(TRIANGLE)
-        if points is not None or suns is not None or environment_texels is not None:
+        if points is not None or sheets is not None or suns is not None or environment_texels is not None:
             kind = items[light].kind
         row = items[light].row
         value = 0.0
@@ -195,9 +224,11 @@ def sample_emitters(drawn, interactions, geometry, emission, alpha, lights, take
                         number, opacity[source], cutoff[source], texture, st, alpha_texels, alpha_textures
                     )
         if points is not None and kind == POINT:
-            chance = cdf[light] - (cdf[light - 1] if light > 0 else 0.0)
-            value = _fill_point_sample(rows, i, point, points[row]) / chance
+            value = _fill_point_sample(rows, i, point, points[row]) / _probability(cdf, light)
             _fill_row(color, point_colors, row)
+        if sheets is not None and kind == SHEET:
+            value = _fill_sheet_sample(rows, i, point, sheets[row], far) / _probability(cdf, light)
+            _fill_row(color, sheet_colors, row)
         if suns is not None and kind == SUN:
             value = _fill_sun_sample(rows, i, point, u, v, suns[row], far)
             _fill_row(color, sun_colors, row)
