@@ -91,7 +91,7 @@ class ImplausibleCameraWarning(PlenopticWarning):
 
 
 class ImplausibleSceneWarning(PlenopticWarning):
-    """A scene of another scale than its camera, glass that is inside out, or a light sheet beside everything.
+    """A scene of another scale than its camera, glass that is inside out or hides particles, an unseen light sheet.
 
     See `PlenopticWarning`.
     """

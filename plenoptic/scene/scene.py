@@ -56,7 +56,7 @@ class Scene:
         Something that is not a mesh, a light, a background or particles.
     SceneError
         No mesh, no light, no background and no points; a medium without bound under the sun, a background or a
-        sheet without start; points in a medium.
+        sheet without start.
 
     Examples
     --------
@@ -91,10 +91,6 @@ class Scene:
         elif not self.has_surfaces_or_light:
             raise SceneError("the scene has no mesh, no light and no background; give it at least one of them")
         as_medium(self.medium, "medium")
-        if self.medium is not None and self.points is not None:
-            raise SceneError(
-                "the scene has points in a medium, which does not weaken their light yet; remove one of them"
-            )
         dark = isinstance(self.background, ConstantBackground) and not np.any(self.background.radiance)
         sky = self.background is not None and not dark
         if self.medium is not None and (sky or any(isinstance(light, DistantLight) for light in self.lights)):
@@ -102,7 +98,10 @@ class Scene:
                 "the scene has a medium without bound under the sun or a background, of which no light arrives; "
                 "bound it by a body of pl.Dielectric(1.0, medium=...), or light it by lamps"
             )
-        if self.medium is not None and any(isinstance(light, Sheet) and light.start is None for light in self.lights):
+        sheets = [light for light in self.lights if isinstance(light, Sheet)]
+        if self.points is not None and self.points.sheet is not None:
+            sheets.append(self.points.sheet)
+        if self.medium is not None and any(sheet.start is None for sheet in sheets):
             raise SceneError(
                 "the scene has a medium without bound under a light sheet from infinity, of which no light arrives; "
                 "give the sheet a start=, mm along its direction from its position"

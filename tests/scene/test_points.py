@@ -93,8 +93,8 @@ def test_bad_particles_are_refused(arguments, message):
 
 
 def test_bad_sheets_and_scenes_are_refused():
-    with pytest.raises(pl.errors.SceneError, match="points in a medium"):
-        pl.Scene(medium=pl.materials.fog(1e4), points=pl.Points([(0, 0, -400)], intensity=1.0))
+    with pytest.raises(pl.errors.SceneError, match="give the sheet a start="):
+        pl.Scene(medium=pl.materials.fog(1e4), points=pl.Points([(0, 0, -400)], sheet=SHEET))
     with pytest.raises(pl.errors.SceneError, match="right angles"):
         pl.lights.Sheet((0, 0, 0), (1, 0, 0), (1, 1, 0), thickness=1.0)
     with pytest.raises(pl.errors.InvalidValueError, match="divergence"):

@@ -20,7 +20,7 @@ from plenoptic.core.values import seed_number, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.rendering.context import RenderContext, render_context
 from plenoptic.rendering.estimation.decisions import mean_samples, predicted_samples, relative_spread, steps_to
-from plenoptic.rendering.estimation.memory import resident_bytes
+from plenoptic.rendering.estimation.memory import resident_bytes, truth_bytes
 from plenoptic.rendering.estimation.pilot import PilotRun, PilotTile, Region, pilot_tiles, run_pilot, whole_tiles
 from plenoptic.rendering.exposure_files import texts_of
 from plenoptic.rendering.film import in_whole_blocks, pools_errors
@@ -31,7 +31,7 @@ from plenoptic.rendering.schedule.time_history import time_history
 from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.rendering.tile import status_codes
 from plenoptic.rendering.tiling import cut_into_tiles
-from plenoptic.truth.channels import CHANNELS, Truth, channels_of
+from plenoptic.truth.channels import Truth
 from plenoptic.truth.truth_arrays import available_truth
 
 if TYPE_CHECKING:
@@ -190,7 +190,11 @@ def estimate(  # noqa: PLR0913
         pilots = _Pilots(context, reduced_subject, budget, sensor_pixels, workers)
         by_error = target_error is not None and pilots.budget.enough < budget.max_samples
         costs = _by_error(pilots) if by_error else _by_samples(pilots)
-    result = _estimate(pilots, costs)
+        result = _estimate(pilots, costs)
+        if scene is not None and scene.points is not None:
+            from plenoptic.rendering.estimation.particles import with_particles
+
+            result = with_particles(result, scene, camera, target_error, workers)
     time_history.record(subject, budget, sensor_pixels, workers, seconds=result.seconds.value)
     return result
 
@@ -340,7 +344,7 @@ def _estimate(pilots: _Pilots, costs: _Costs) -> Estimate:
     cpu = Estimated(*(n * part for part in costs.cpu_seconds))
     fastest, slowest = 1.0 / pilots.threads, 1.0 / (pilots.threads * costs.busy)
     wall = Estimated(cpu.value * math.sqrt(fastest * slowest), cpu.low * fastest, cpu.high * slowest)
-    once, state = 8 + _truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
+    once, state = 8 + truth_bytes(pilots.subject.truth), 8 * channels * (budget.replicates + 1)
     pixels_in_memory, spread = pilots.threads * min(pilots.side**2, n), pilots.context.camera.diffraction_kernel
     shared = 0 if spread is None else state * spread.table.weights.shape[1]
     working_memory = pixels_in_memory * (4 * (state + once) + _WORK_BYTES + shared)
@@ -372,7 +376,7 @@ def _records(pixels: int, pilots: _Pilots) -> int:
 def _film_bytes(pilots: _Pilots) -> float:
     """Bytes of a pixel during rendering and finishing."""
     budget, channels = pilots.budget, pilots.context.channels
-    bytes_ = 4 * channels + _truth_bytes(pilots.subject.truth)
+    bytes_ = 4 * channels + truth_bytes(pilots.subject.truth)
     if budget.replicates >= 2:
         bytes_ += 2 * 4 * channels + 4
     if budget.steps or budget.passes:
@@ -380,10 +384,6 @@ def _film_bytes(pilots: _Pilots) -> float:
     if budget.target_error is not None:
         bytes_ += 2 * 8 + _DECIDED_BYTES
     return bytes_
-
-
-def _truth_bytes(truth: Truth) -> int:
-    return sum(np.dtype(CHANNELS[name].dtype).itemsize * math.prod(CHANNELS[name].shape) for name in channels_of(truth))
 
 
 def _about(number: float, part: float) -> Estimated:

@@ -1,10 +1,15 @@
-"""Memory of this process."""
+"""Memory of this process and of ground truth."""
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from contextlib import suppress
+
+import numpy as np
+
+from plenoptic.truth.channels import CHANNELS, Truth, channels_of
 
 
 def resident_bytes() -> int:
@@ -17,3 +22,8 @@ def resident_bytes() -> int:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return peak if sys.platform == "darwin" else 1024 * peak
     return 0
+
+
+def truth_bytes(truth: Truth) -> int:
+    """Bytes of the ground truth of a pixel."""
+    return sum(np.dtype(CHANNELS[name].dtype).itemsize * math.prod(CHANNELS[name].shape) for name in channels_of(truth))

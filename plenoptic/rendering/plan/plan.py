@@ -84,6 +84,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
     exclude_caustics, clamp = settings.caustics is Caustics.EXCLUDE, settings.clamp
     points, independent_samples = "scrambled Sobol points", "every sample by itself"
     rare = rare_light(subject.scene, settings)
+    n_particles = 0 if subject.scene is None or subject.scene.points is None else len(subject.scene.points)
     all_light, unclamped = "caustics are included", "radiance is not limited"
     return Plan(
         (
@@ -96,7 +97,7 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 *(open_shutter(camera, record), "nothing moves while it is open"),
                 "motion while it is open is blurred",
             ),
-            *scene_decisions(record, settings.max_bounces),
+            *scene_decisions(record, settings.max_bounces, n_particles),
             decide(Stage.CAUSTICS_APART, record, WHITE, exclude_caustics, all_light, "caustics are left out"),
             decide(Stage.CLAMPING, record, WHITE, clamp is not None, unclamped, f"radiance above {clamp}"),
             decide(
@@ -112,6 +113,12 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 *(record, WHITE),
                 *(rare, "no small light is met by chance by way of mirrors or glass"),
                 "" if rare is None else f"one ray in {rare.rays:.2g} meets {rare.light} by way of {rare.mesh}",
+            ),
+            decide(
+                Stage.PARTICLES,
+                *(record, WHITE),
+                *(n_particles, "the scene has none"),
+                f"rays start at {n_particles} particle{'s' * (n_particles != 1)}",
             ),
         ),
         subject,

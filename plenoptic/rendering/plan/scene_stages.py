@@ -25,11 +25,11 @@ def _visible(record: SceneRecord) -> bool:
     return record.emission is not None or bool(_sky_parts(record))
 
 
-def scene_decisions(record: SceneRecord | None, max_bounces: int) -> list[Decision]:
+def scene_decisions(record: SceneRecord | None, max_bounces: int, n_particles: int) -> list[Decision]:
     """Decisions on the stages from INTERSECTION to COLOUR."""
     if record is None:
         return left_out(Stage.INTERSECTION, Stage.COLOUR, WHITE)
-    return [*_surfaces(record), *_scattering(record, max_bounces), *_details(record, max_bounces)]
+    return [*_surfaces(record, n_particles), *_scattering(record, max_bounces), *_details(record, max_bounces)]
 
 
 def _scatters(record: SceneRecord, max_bounces: int) -> bool:
@@ -60,11 +60,11 @@ def _names_present(parts: Mapping[str, object]) -> str:
     return ", ".join(name for name, part in parts.items() if part is not None)
 
 
-def _surfaces(record: SceneRecord) -> list[Decision]:
+def _surfaces(record: SceneRecord, n_particles: int) -> list[Decision]:
     meshes, instances, world = record.geometry is not None, record.instances, _sky_parts(record)
     places = f"meshes stand at {0 if instances is None else len(instances.matrices)} places"
     clear = "some surfaces are not there for all paths"
-    dark = "nothing emits" + ", and the image will be black" * is_dark(record)
+    dark = "nothing emits" + ", and the image will be black" * (is_dark(record) and not n_particles)
     return [
         decide(Stage.INTERSECTION, meshes, "there is no mesh", "there are meshes"),
         decide(Stage.INSTANCES, instances is not None, "no mesh is repeated", places),

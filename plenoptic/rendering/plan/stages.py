@@ -72,6 +72,7 @@ class Stage(enum.IntEnum):
     TRUTH = 42
     STANDARD_ERROR = 43
     RARE_LIGHT = 44
+    PARTICLES = 45
 
 
 @value

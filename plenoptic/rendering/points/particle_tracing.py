@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import math
+import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,43 +15,27 @@ from plenoptic.camera.points.projection import occlusion_of_points
 from plenoptic.camera.psf.sensor_hits import (
     BUNDLE,
     ForwardRecord,
-    diffraction_record,
     fill_losses_behind_array,
     fill_to_sensor,
     in_lens_axes,
 )
-from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
-from plenoptic.errors import SceneError
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
-from plenoptic.scene.points import Points
-
-if TYPE_CHECKING:
-    from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.scene.cache import PreparedScene
-    from plenoptic.scene.scene import Scene
+from plenoptic.rendering.points.particle_scene import ParticleScene, Passband
 
 REPLICATES = 8
 """Independent scramblings of the rays of a particle, from whose variance the standard error follows."""
 MAX_RAYS = 1 << 18
 """Largest number of rays of a particle."""
-_WAVELENGTHS = 16
-"""Wavelengths at which a camera with a spectral sensitivity is traced."""
-_LEAST_RAYS, _PILOT = 128, 64
-"""Least number of rays of a particle, and number of particles from whose errors it is chosen."""
+_LEAST_RAYS = 128
+"""Least number of rays of a particle without a time limit."""
+_PILOT, _CANDIDATES = 64, 1024
+"""Number of particles from whose errors the number of rays is chosen, and of those among which they are sought."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
-_BLOCK = 1 << 15
+POLYGON_BLOCK = 1 << 15
 """Particles whose polygons are computed together, which takes 3 kB for each."""
-
-
-class Passband(NamedTuple):
-    """Record of a camera at one wavelength, and the weights of the light there."""
-
-    record: ForwardRecord
-    weights: Floats
-    """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
 
 
 class ParticleBatch(NamedTuple):
@@ -64,6 +49,8 @@ class ParticleBatch(NamedTuple):
     """(n,)"""
     polygon: Floats
     """(n, 2, k): corners on the entrance plane, counter-clockwise."""
+    colour: Floats
+    """(n, channels): factors of the weights of each channel."""
     each: int
     """Rays of a particle and replicate."""
     offset: int
@@ -79,116 +66,58 @@ class ParticlePixels(NamedTuple):
     counts: NDArray[np.int64]
     """(n,): number of pixels of each."""
     entries: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]
-    """Pixels (m,), and weights and their variances (m, channels): solid angles in sr, and their squares."""
+    """Pixels (m,), and weights and their standard errors (m, channels) in sr."""
     moments: Floats
     """(n, replicates, 3): light, and light times x and y on the sensor, in mm; the mean over the channels."""
 
 
-class ParticleScene(NamedTuple):
-    """Particles before a camera, compiled."""
+class RayNumber(NamedTuple):
+    """Rays of each particle, the wall time of a ray in s, and the time at which all should be traced."""
 
-    points: Points
-    pilot: NDArray[np.int64]
-    """Particles from whose errors the number of rays is chosen."""
-    passbands: tuple[Passband, ...]
-    hue: Floats | None
-    """(n, 3): colours of particles over their means; None without spectral sensitivity: weights have no colour."""
-    intensity: Floats
-    """(n, 1) or (n, 3): what weights are multiplied by."""
-    occluder: PreparedScene | None
-    seed: np.uint64
-
-    @property
-    def channels(self) -> int:
-        """Channels of the weights."""
-        return 1 if self.hue is None else len(self.passbands[0].weights)
-
-    @property
-    def image_channels(self) -> int:
-        """Channels of images."""
-        return max(self.channels, len(self.intensity[0]))
+    rays: int
+    seconds: float = 0.0
+    end: float = math.inf
+    """As of `time.perf_counter`."""
 
 
-def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
-    """Compile particles before a camera, hidden by the meshes of a scene; raise errors of particles at bad places."""
-    passbands = _passbands(camera)
-    record = passbands[0].record
-    in_lens_axes(record, points.positions)
-    occluder = None if scene is None or not scene.meshes else _occluder(scene, points)
-    intensity = points.intensities(_pupil_centre(record))
-    columns = intensity if intensity.ndim == 2 else intensity[:, None]
-    hue = None
-    if camera.sensitivity is not None:
-        mean = columns.mean(axis=1, keepdims=True)
-        hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
-        columns = mean
-    pilot = np.unique(np.linspace(0, len(points) - 1, _PILOT).astype(np.int64))
-    return ParticleScene(points, pilot, passbands, hue, columns, occluder, np.uint64(seed))
-
-
-def _passbands(camera: PlenopticCamera) -> tuple[Passband, ...]:
-    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
-    if camera.sensitivity is None:
-        return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3),)
-    tables = colour_tables(camera.sensitivity)
-    probability = np.diff(tables.cdf, prepend=0.0)
-    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
-    part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
-    bands = []
-    for k in np.unique(part):
-        rows = part == k
-        wavelength = float(np.average(tables.wavelengths[rows], weights=probability[rows]))
-        weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
-        bands.append(Passband(diffraction_record(dataclasses.replace(camera, wavelength=wavelength)), weights))
-    return tuple(bands)
-
-
-def _pupil_centre(record: ForwardRecord) -> Floats:
-    """Centre (3,) of the entrance pupil in the world, or of the first plane of a telecentric lens."""
-    z = record.entrance.pupil[0]
-    centre = np.array([[0.0, 0.0, z if np.isfinite(z) else record.entrance.z]])
-    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
-    centre = centre if lens_pose is None else lens_pose.points(centre)
-    return np.asarray((centre if pose is None else pose.to_world(centre))[0])
-
-
-def _occluder(scene: Scene, points: Points) -> PreparedScene:
-    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass."""
-    from plenoptic.scene.cache import prepared_scene
-    from plenoptic.scene.geometry.instance import Instances
-    from plenoptic.scene.materials.alpha_mask import media_at
-    from plenoptic.scene.materials.dielectric import Dielectric
-
-    prepared = prepared_scene(scene)
-    is_near_glass = np.zeros(len(points), bool)
-    for part in scene.meshes:
-        if isinstance((part.mesh if isinstance(part, Instances) else part).material, Dielectric):
-            low, high = part.bounds
-            is_near_glass |= ((low < points.positions) & (points.positions < high)).all(axis=1)
-    for k in np.flatnonzero(is_near_glass).tolist():
-        assert prepared.intersector is not None
-        if media_at(prepared.record, prepared.intersector, points.positions[k])[0] >= 0:
-            raise SceneError(
-                f"particle {k} at {points.positions[k].tolist()} mm lies inside a body of glass, whose surface stops "
-                "its rays; move it outside, or put an emissive mesh there"
-            )
-    return prepared
-
-
-def choose_rays(scene: ParticleScene, target_error: float, threads: int) -> int:
-    """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few particles.
+def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: float = math.inf) -> RayNumber:
+    """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few lit particles.
 
     The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`.
     """
     rays = whole_replicates(scene, _LEAST_RAYS)
-    while 2 * rays <= MAX_RAYS:
-        parts = [part.moments[:, :, 0] for part in trace_particles(scene, rays, threads, scene.pilot)]
+    pilot, polygons = _lit_particles(scene, rays, threads)
+    while True:
+        begin = time.perf_counter()
+        tasks = _ParticleTasks(scene, pilot, RayNumber(rays), polygons)
+        parts = [
+            part.moments[:, :, 0]
+            for part in run_in_order(functools.partial(_trace_task, scene), tasks, threads=threads)
+        ]
+        seconds = time.perf_counter() - begin
         light = np.concatenate(parts)
         squares = light.var(axis=1, ddof=1).sum() / REPLICATES
-        if squares <= target_error**2 * np.square(light.mean(axis=1)).sum():
-            break
+        is_exact = squares <= target_error**2 * np.square(light.mean(axis=1)).sum()
+        if is_exact or 2 * rays > MAX_RAYS or begin + 8.0 * seconds > end:
+            return RayNumber(rays, seconds / max(rays * len(pilot), 1), end)
         rays *= 2
-    return rays
+
+
+def _lit_particles(
+    scene: ParticleScene, rays: int, threads: int
+) -> tuple[NDArray[np.int64], list[NDArray[np.float32]]]:
+    """Some particles whose light reaches the sensor, and their polygons; some dark ones if there are hardly others."""
+    candidates = np.random.default_rng(0).permutation(scene.lit if len(scene.lit) else len(scene.points))
+    lit: list[NDArray[np.int64]] = []
+    for first in range(0, min(len(candidates), _CANDIDATES), _PILOT):
+        number = candidates[first : first + _PILOT]
+        parts = trace_particles(scene, RayNumber(rays), threads, number)
+        lit.append(np.concatenate([part.number[part.moments[:, :, 0].any(axis=1)] for part in parts]))
+        if sum(map(len, lit)) >= _PILOT // 2:
+            break
+    pilot = np.concatenate(lit)[:_PILOT]
+    pilot = np.sort(pilot if len(pilot) else candidates[:_PILOT])
+    return pilot, entrance_polygons_at(scene, pilot)
 
 
 def whole_replicates(scene: ParticleScene, rays: int) -> int:
@@ -198,50 +127,72 @@ def whole_replicates(scene: ParticleScene, rays: int) -> int:
 
 
 def trace_particles(
-    scene: ParticleScene, rays: int, threads: int, number: NDArray[np.int64] | None = None
+    scene: ParticleScene, rays: RayNumber, threads: int, number: NDArray[np.int64] | None = None
 ) -> Iterator[ParticlePixels]:
-    """Trace `rays` of each particle to the sensor, of some or all, in their order.
+    """Trace rays of each particle to the sensor, of some or all, in their order.
 
-    A particle's pixels follow from the seed and its index alone.
+    A particle's pixels follow from the seed, its index and its number of rays alone.
     """
-    if number is None:
-        number = np.arange(len(scene.points))
-    tasks = _ParticleTasks(scene, number, min(max(_TASK_RAYS // rays, 1), _POINTS))
-    each = rays // REPLICATES // len(scene.passbands)
-    return run_in_order(lambda task: _trace_task(scene, *task, each), tasks, threads=threads)
+    tasks = _ParticleTasks(scene, np.arange(len(scene.points)) if number is None else number, rays)
+    return run_in_order(functools.partial(_trace_task, scene), tasks, threads=threads)
+
+
+def entrance_polygons_at(scene: ParticleScene, number: NDArray[np.int64]) -> list[NDArray[np.float32]]:
+    """Polygons (n, SIDES, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
+    world, radius = scene.points.positions[number], 0.5 * scene.points.diameter[number]
+    return [
+        entrance_polygons(
+            band.record.entrance, in_lens_axes(band.record, world), radius if radius.any() else None
+        ).astype(np.float32)
+        for band in scene.passbands
+    ]
+
+
+class ParticleTask(NamedTuple):
+    """Particles (n,) to trace together, their polygons at each wavelength, and rays of a replicate and wavelength."""
+
+    number: NDArray[np.int64]
+    polygons: list[NDArray[np.float32]]
+    each: int
 
 
 class _ParticleTasks:
-    """Tasks of `size` particles; polygons of the next block are computed while threads trace those before."""
+    """Tasks of particles; polygons of the next block are computed while threads trace those before."""
 
-    def __init__(self, scene: ParticleScene, number: NDArray[np.int64], size: int) -> None:
-        self.scene, self.number, self.size = scene, number, size
+    def __init__(
+        self,
+        scene: ParticleScene,
+        number: NDArray[np.int64],
+        rays: RayNumber,
+        polygons: list[NDArray[np.float32]] | None = None,
+    ) -> None:
+        self.scene, self.number, self.rays, self.polygons = scene, number, rays, polygons
+        self.size = min(max(_TASK_RAYS // rays.rays, 1), _POINTS)
 
     def __length_hint__(self) -> int:
         return -(-len(self.number) // self.size)
 
-    def __iter__(self) -> Iterator[tuple[NDArray[np.int64], list[NDArray[np.float32]]]]:
-        """Particles of each task, and their polygons at each wavelength."""
-        step = max(_BLOCK // self.size, 1) * self.size
+    def __iter__(self) -> Iterator[ParticleTask]:
+        step = max(POLYGON_BLOCK // self.size, 1) * self.size
         for start in range(0, len(self.number), step):
-            block = self.number[start : start + step]
-            world = self.scene.points.positions[block]
+            begin, block = time.perf_counter(), self.number[start : start + step]
             # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
-            polygons = [
-                entrance_polygons(band.record.entrance, in_lens_axes(band.record, world)).astype(np.float32)
-                for band in self.scene.passbands
-            ]
+            polygons = self.polygons if self.polygons is not None else entrance_polygons_at(self.scene, block)
+            now, remaining = time.perf_counter(), len(self.number) - start
+            left = self.rays.end - now - (now - begin) * (remaining / len(block) - 1.0)
+            rays, unit = self.rays.rays, whole_replicates(self.scene, 1)
+            while rays * remaining * self.rays.seconds > left and rays >= 2 * unit:
+                rays //= 2
             for first in range(0, len(block), self.size):
                 part = slice(first, first + self.size)
-                yield block[part], [polygon[part] for polygon in polygons]
+                yield ParticleTask(block[part], [polygon[part] for polygon in polygons], rays // unit)
 
 
-def _trace_task(
-    scene: ParticleScene, number: NDArray[np.int64], polygons: list[NDArray[np.float32]], each: int
-) -> ParticlePixels:
+def _trace_task(scene: ParticleScene, task: ParticleTask) -> ParticlePixels:
     """Trace the rays of some particles to their polygons, bundle by bundle."""
     from plenoptic.rendering.points.kernels.particle_rays import fill_entries
 
+    number, polygons, each = task
     world = scene.points.positions[number]
     lens_points = [in_lens_axes(band.record, world) for band in scene.passbands]
     lit = np.flatnonzero(np.all([np.isfinite(polygon[:, 0, 0]) for polygon in polygons], axis=0))
@@ -259,11 +210,11 @@ def _trace_task(
         for k, band in enumerate(scene.passbands):
             corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1), dtype=np.float64)
             radius = 0.5 * scene.points.diameter[number[rows]]
-            batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, each, k * each)
             colour = np.ones((len(rows), 1))
             if scene.hue is not None:
                 colour = np.ascontiguousarray(scene.hue[number[rows]] @ band.weights.T)
-            _trace_bundle(scene, band, batch, colour, (pixel[k], weight[k], part_moments))
+            batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, colour, each, k * each)
+            _trace_bundle(scene, band, batch, (pixel[k], weight[k], part_moments))
         entries = (
             np.empty(pixel.size, np.int32),
             np.empty((pixel.size, scene.channels), np.float32),
@@ -283,11 +234,7 @@ def _no_entries(scene: ParticleScene) -> tuple[NDArray[np.int32], NDArray[np.flo
 
 
 def _trace_bundle(
-    scene: ParticleScene,
-    band: Passband,
-    batch: ParticleBatch,
-    colour: Floats,
-    results: tuple[NDArray[np.int32], Floats, Floats],
+    scene: ParticleScene, band: Passband, batch: ParticleBatch, results: tuple[NDArray[np.int32], Floats, Floats]
 ) -> None:
     """Trace the rays of a batch at one wavelength, and fill pixels, weights and moments of `fill_pixels`."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY
@@ -296,7 +243,10 @@ def _trace_bundle(
     record, (pixel, weight, moments) = band.record, results
     n = pixel.size
     blocks = np.empty(-(-n // BLOCK) * RAY)
-    particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal)
+    lengths = None if band.extinction is None else np.empty(n)
+    particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal, lengths)
+    if lengths is not None and not record.ideal:  # the first plane of ideal lenses is that of the entrance
+        _add_path_to_first_element(lengths, blocks, record)
     if scene.occluder is not None:
         _hide(blocks, scene, batch, record)
     if record.iris is not None:
@@ -307,15 +257,23 @@ def _trace_bundle(
     if record.deflection is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, None, record.deflection)
     screen = (*record.camera.sensor.shape, record.camera.sensor.pixel_pitch)
-    flat = weight.reshape(n, -1)
-    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, colour)
+    flat, medium = weight.reshape(n, -1), None if lengths is None else (lengths, band.extinction)
+    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, medium)
+
+
+def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardRecord) -> None:
+    """Add the paths of rays from the plane of the entrance to the first element, in mm; lost rays get any number."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, Z
+    from plenoptic.optics.lens.kernels.trace import fill_through_lens
+
+    reached = blocks.copy()
+    fill_through_lens(reached, record.lens.part(0, 1), None)
+    paths = (part.reshape(-1, RAY)[:, : Z + BLOCK].reshape(-1, 3, BLOCK) for part in (reached, blocks))
+    lengths += np.linalg.norm(np.subtract(*paths), axis=1).ravel()[: lengths.size]
 
 
 def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: ForwardRecord) -> None:
-    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens.
-
-    Losses in the scene's own medium belong here as well.
-    """
+    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens."""
     from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
     from plenoptic.rendering.points.kernels.particle_rays import stop_rays
 
@@ -325,8 +283,3 @@ def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: Fo
     entering = np.column_stack([rays[:, X : X + BLOCK].ravel()[:n], rays[:, Y : Y + BLOCK].ravel()[:n]])
     centres = np.repeat(scene.points.positions[batch.number], of_each, axis=0)
     stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
-
-
-def pixel_area(camera: PlenopticCamera) -> float:
-    """Area of a pixel in mm^2, by which light is divided."""
-    return math.pow(camera.sensor.pixel_pitch, 2)

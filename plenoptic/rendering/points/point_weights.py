@@ -18,13 +18,26 @@ from plenoptic.core.files.extras import extra_package
 from plenoptic.core.files.file_limits import DEFAULT, FileLimits, content_errors, read_file
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.progress.bar import CallProgress
-from plenoptic.core.values import Floats, check_kind, file_path, numbers, positive, result, seed_number, whole
+from plenoptic.core.values import (
+    Floats,
+    check_kind,
+    checked_shape,
+    contiguous,
+    file_path,
+    numbers,
+    positive,
+    seed_number,
+    set_field,
+    value,
+    whole,
+)
 from plenoptic.errors import FileError, InvalidValueError
+from plenoptic.rendering.points.particle_scene import particle_scene
 from plenoptic.rendering.points.particle_tracing import (
     MAX_RAYS,
     REPLICATES,
+    RayNumber,
     choose_rays,
-    particle_scene,
     trace_particles,
     whole_replicates,
 )
@@ -35,11 +48,14 @@ if TYPE_CHECKING:
 
 TARGET_ERROR = 0.01
 """Standard error of a particle's light over its light, by which rays are chosen unless they are given."""
-_ARRAYS = ("indptr", "pixel", "weight", "variance", "light", "light_error", "centroid", "intensity", "shape", "pitch")
+_INTEGERS: dict[str, Any] = {"shape": np.int64, "indptr": np.int64, "pixel": np.int32}
+_FLOATS: dict[str, Any] = {"weight": np.float32, "weight_error": np.float32}
+_FLOATS |= dict.fromkeys(("light", "light_error", "centroid", "intensity"), np.float64)
+_NAMES = (*_INTEGERS, *_FLOATS, "pitch", "rays", "seed")
 _SUFFIXES = (".npz", ".h5", ".hdf5")
 
 
-@result
+@value
 class PointWeights:
     """Weights of particles in pixels. See `point_weights`, which makes it.
 
@@ -52,8 +68,8 @@ class PointWeights:
     weight : (m, C) array
         Solid angle in sr at the particle whose light reaches the pixel; C is 3 for cameras with a spectral sensitivity
         of three channels, for light of the particle's own colour, otherwise 1.
-    variance : (m, C) array
-        Square of the standard error of each weight.
+    weight_error : (m, C) array
+        Standard error of each weight.
     light, light_error : (n,) array
         Sum of the weights of each particle, the mean over the channels, and its standard error.
     centroid : (n, 2) array
@@ -64,6 +80,13 @@ class PointWeights:
         Rows and columns of the sensor.
     pitch : float
         Pixel pitch in mm.
+    rays, seed : int
+        Rays of each particle, and the seed of their random numbers.
+
+    Raises
+    ------
+    InvalidValueError
+        If arrays do not fit each other, a pixel lies outside the sensor, or a number is not finite or negative.
 
     Examples
     --------
@@ -77,13 +100,48 @@ class PointWeights:
     indptr: NDArray[np.int64]
     pixel: NDArray[np.int32]
     weight: NDArray[np.float32]
-    variance: NDArray[np.float32]
+    weight_error: NDArray[np.float32]
     light: Floats
     light_error: Floats
     centroid: Floats
     intensity: Floats
     shape: NDArray[np.int64]
     pitch: float
+    rays: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        for name in (*_INTEGERS, *_FLOATS):
+            array = np.asarray(getattr(self, name))
+            if array.dtype.kind not in ("iu" if name in _INTEGERS else "f"):
+                numbers_of = "whole numbers" if name in _INTEGERS else "floating-point numbers"
+                raise InvalidValueError(f"{name} holds {array.dtype}; it must hold {numbers_of}")
+            set_field(self, name, array)
+        self._check_shapes()
+        rows, columns = checked_shape(tuple(self.shape.tolist()), ("rows", "columns"))
+        if self.indptr[0] != 0 or self.indptr[-1] != len(self.pixel) or (np.diff(self.indptr) < 0).any():
+            raise InvalidValueError(f"indptr must ascend from 0 to {len(self.pixel)}, the number of weights")
+        if len(self.pixel) and not 0 <= self.pixel.min() <= self.pixel.max() < rows * columns:
+            raise InvalidValueError(f"pixel must be from 0 to {rows * columns - 1}, as shape has {rows} x {columns}")
+        for name in _FLOATS:
+            array = getattr(self, name)
+            if (name != "centroid" and not np.isfinite(array).all()) or (name.endswith("error") and (array < 0).any()):
+                raise InvalidValueError(f"{name} holds a number that is not finite, or a negative error")
+        for name, dtype in (_INTEGERS | _FLOATS).items():
+            set_field(self, name, contiguous(getattr(self, name).astype(dtype, copy=False)))
+        positive(self.pitch, "pitch", "mm")
+        whole(self.rays, "rays", at_least=1)
+        seed_number(self.seed)
+
+    def _check_shapes(self) -> None:
+        n, m = self.light.size, self.pixel.size
+        channels, colours = (3 if getattr(self, name).shape[-1:] == (3,) else 1 for name in ("weight", "intensity"))
+        shapes = {"shape": (2,), "indptr": (n + 1,), "pixel": (m,), "light": (n,), "light_error": (n,)}
+        shapes |= {"weight": (m, channels), "weight_error": (m, channels)}
+        shapes |= {"centroid": (n, 2), "intensity": (n, colours)}
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise InvalidValueError(f"{name} has shape {getattr(self, name).shape}; it must have shape {shape}")
 
     def __len__(self) -> int:
         return len(self.light)
@@ -126,18 +184,23 @@ class PointWeights:
                 raise InvalidValueError(f"intensity has shape {np.shape(intensity)}; it must hold one of each particle")
         channels = max(self.weight.shape[1], factors.shape[1])
         image, variance = np.zeros((2, int(np.prod(self.shape)), channels))
-        entries = self.pixel, self.weight, self.variance
+        entries = self.pixel, self.weight, self.weight_error
         add_entries(image, variance, np.diff(self.indptr), entries, np.ascontiguousarray(factors) / self.pitch**2)
         return image.reshape(*self.shape, channels), np.sqrt(variance).reshape(*self.shape, channels)
 
     def displacement(self, later: PointWeights) -> Floats:
         """Displacement (n, 2) in rows and columns of the centroid of each particle's light, in a later exposure.
 
-        With the seed and the rays of both exposures the same, their errors nearly cancel. nan without light.
+        The seed and the rays of both exposures must be the same, so that their errors nearly cancel. nan without light.
         """
         check_kind(later, "later", PointWeights, "pl.rendering.point_weights(points.moved(velocity, dt), camera)")
         if len(later) != len(self):
             raise InvalidValueError(f"later has {len(later)} particles; it must have the same {len(self)}")
+        if (later.rays, later.seed) != (self.rays, self.seed):
+            raise InvalidValueError(
+                f"later has {later.rays} rays of each particle and the seed {later.seed}, and these weights have "
+                f"{self.rays} and {self.seed}, whose errors do not cancel; trace both with the same rays= and seed="
+            )
         return np.asarray(later.centroid - self.centroid)
 
     def pixel_means(self, values: ArrayLike) -> Floats:
@@ -169,7 +232,7 @@ class PointWeights:
         True
         """
         target = _checked_path(path)
-        arrays = {name: np.asarray(getattr(self, name)) for name in _ARRAYS}
+        arrays = {name: np.asarray(getattr(self, name)) for name in _NAMES}
         if target.suffix == ".npz":
             write_npz(target, arrays)
             return
@@ -190,8 +253,9 @@ class PointWeights:
                 from plenoptic.core.files.hdf5_files import numbers_at, read_apart
 
                 content = read_file(source, limits)
-                arrays = {name: read_apart(numbers_at, content, limits, name)[name] for name in _ARRAYS}
-            return cls(**{name: arrays[name] for name in _ARRAYS[:-1]}, pitch=float(arrays["pitch"]))
+                arrays = {name: read_apart(numbers_at, content, limits, name)[name] for name in _NAMES}
+            scalars = {name: arrays[name].item() for name in ("pitch", "rays", "seed")}
+            return cls(**{name: arrays[name] for name in (*_INTEGERS, *_FLOATS)}, **scalars)
 
 
 def _checked_path(path: Any) -> Any:
@@ -264,8 +328,8 @@ def point_weights(
     check_focusing(camera)
     with CallProgress("tracing particles", kind="camera", show=progress):
         traced = particle_scene(points, camera, scene, seed)
-        n = choose_rays(traced, target, workers) if rays is None else whole_replicates(traced, rays)
-        parts = list(trace_particles(traced, n, workers))
+        n = choose_rays(traced, target, workers).rays if rays is None else whole_replicates(traced, rays)
+        parts = list(trace_particles(traced, RayNumber(n), workers))
     moments = np.concatenate([part.moments for part in parts])
     counts = np.concatenate([part.counts for part in parts])
     columns: list[Any] = [[part.entries[k] for part in parts] for k in range(3)]
@@ -281,11 +345,13 @@ def point_weights(
         indptr=np.concatenate([[0], np.cumsum(counts)]),
         pixel=columns[0],
         weight=columns[1],
-        variance=columns[2],
+        weight_error=columns[2],
         light=light.mean(axis=1),
         light_error=light.std(axis=1, ddof=1) / np.sqrt(REPLICATES),
         centroid=camera.sensor.pixel_of(position),
         intensity=traced.intensity,
         shape=np.array(camera.sensor.shape),
         pitch=camera.sensor.pixel_pitch,
+        rays=n,
+        seed=seed,
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import time
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,14 +16,10 @@ from plenoptic.core.values import Floats, flag, seed_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, InvalidValueError
 from plenoptic.rendering.exposure import Exposure
-from plenoptic.rendering.points.particle_tracing import (
-    REPLICATES,
-    choose_rays,
-    particle_scene,
-    pixel_area,
-    trace_particles,
-)
+from plenoptic.rendering.points.particle_scene import particle_scene, pixel_area
+from plenoptic.rendering.points.particle_tracing import REPLICATES, choose_rays, trace_particles
 from plenoptic.rendering.points.point_weights import TARGET_ERROR
+from plenoptic.rendering.schedule.outcome import warn_if_late
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -36,32 +34,38 @@ class PointsImage(NamedTuple):
 
     image: Floats
     variance: Floats
+    seconds: float
+    """Time that their rays took."""
 
 
-def image_of_points(scene: Scene, camera: PlenopticCamera, target_error: float, seed: int, threads: int) -> PointsImage:
-    """Image of a scene's particles; memory does not grow with their number."""
+def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed: int, threads: int) -> PointsImage:
+    """Image of a scene's particles; memory does not grow with their number.
+
+    Under a time limit, of which surfaces get the second half, they may have fewer rays than their error needs.
+    """
     from plenoptic.rendering.points.kernels.particle_rays import add_entries
 
     assert scene.points is not None
     check_focusing(camera)
+    begin, part_of_time = time.perf_counter(), 0.5 if scene.has_surfaces_or_light else 0.9
+    end = math.inf if budget.time_limit is None else begin + part_of_time * budget.time_limit
     traced = particle_scene(scene.points, camera, scene, seed)
-    rays = choose_rays(traced, target_error, threads)
     rows, columns = camera.sensor.shape
     image, variance = np.zeros((2, rows * columns, traced.image_channels))
-    intensity = traced.intensity / pixel_area(camera)
-    for part in trace_particles(traced, rays, threads):
-        add_entries(image, variance, part.counts, part.entries, intensity[part.number])
+    if len(traced.lit):
+        target_error = TARGET_ERROR if budget.target_error is None else budget.target_error
+        rays = choose_rays(traced, target_error, threads, end)
+        intensity = traced.intensity / pixel_area(camera)
+        for part in trace_particles(traced, rays, threads, traced.lit):
+            add_entries(image, variance, part.counts, part.entries, intensity[part.number])
     shape = rows, columns, traced.image_channels
-    return PointsImage(image.reshape(shape), variance.reshape(shape))
+    return PointsImage(image.reshape(shape), variance.reshape(shape), time.perf_counter() - begin)
 
 
-def add_points(shot: Exposure, scene: Scene, budget: Budget, threads: int) -> Exposure:
+def add_points(shot: Exposure, points: PointsImage) -> Exposure:
     """Exposure of the surfaces of a scene, with the light of its particles; variances add up."""
-    camera, seed = shot.camera, shot.seed
-    assert camera is not None and isinstance(seed, int)
-    target_error = TARGET_ERROR if budget.target_error is None else budget.target_error
-    points = image_of_points(scene, camera, target_error, seed, threads)
-    first_row, end_row, first_column, end_column = shot.region or (0, camera.sensor.shape[0], 0, camera.sensor.shape[1])
+    assert shot.camera is not None
+    first_row, end_row, first_column, end_column = shot.region or sensor_region(shot.camera.sensor.shape, None)
     crop = slice(first_row, end_row), slice(first_column, end_column)
     error = shot.standard_error
     if error is not None:
@@ -91,7 +95,9 @@ def exposure_of_points(subject: Subject, budget: Budget, options: RenderOptions)
         settings=subject.settings,
         white=False,
     )
-    shot = add_points(shot, scene, budget, thread_count(options.threads))
+    points = image_of_points(scene, camera, budget, seed, thread_count(options.threads))
+    shot = add_points(shot, points)
+    warn_if_late(None, budget.time_limit, points.seconds, points.seconds)
     if not shot.image.any():
         warn("no light of the particles reaches these pixels, and the image is black", BlackImageWarning)
     return shot

@@ -13,6 +13,8 @@ _SHORTEST, _LONGEST = 0.05, 0.5
 """Duration of a batch under a time limit, s."""
 _FIRST = 1 << 13
 """Paths of the first batches, before any has been timed."""
+_LEAST = 0.25
+"""Fraction of the limit that batches have if other stages took all of it."""
 _LATE = 0.1
 """Seconds after the limit at which unfinished batches are abandoned."""
 _FINISHING = 7e-8
@@ -25,6 +27,7 @@ class Clock:
     def __init__(self, begin: float, limit: float | None, numbers: int = 0) -> None:
         """`numbers` is the size of the image: pixels times channels."""
         self._end = math.inf if limit is None else begin + limit - min(_FINISHING * numbers, 0.5 * limit)
+        self._limit = limit
         self._batch_seconds = 0.0 if limit is None else min(max(0.02 * limit, _SHORTEST), _LONGEST)
         self._seconds_per_path: deque[float] = deque(maxlen=9)
         self._first_begin: float | None = None
@@ -40,6 +43,11 @@ class Clock:
     def ahead(self) -> int:
         """Batches per thread that may begin before the first result is taken: few under a time limit."""
         return 2 if self.limited else 4
+
+    def postpone(self) -> None:
+        """Leave some time from now, after stages before the first batch that took too long."""
+        if self._limit is not None:
+            self._end = max(self._end, time.perf_counter() + _LEAST * self._limit)
 
     def paths_per_batch(self) -> int:
         """Number of paths that a batch may have."""

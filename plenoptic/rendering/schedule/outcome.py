@@ -28,18 +28,25 @@ _MISSED_RATIO = 1.25
 """Ratio of the final error to its target that causes a warning."""
 _OVERRUN, _OVERRUN_SECONDS = 0.1, 0.5
 """Overrun of a time limit, relative and in seconds, that causes no warning."""
+_MOST_OF_PARTICLES = 0.6
+"""Fraction of a time limit beyond which particles are the cause of a late render."""
 
 
-def warn_if_late(progress: Progress, limit: float, seconds: float) -> None:
-    """Warn of a time limit in s that was missed by far, or too short for all tiles."""
+def warn_if_late(progress: Progress | None, limit: float | None, seconds: float, particle_seconds: float) -> None:
+    """Warn of a time limit in s that was missed by far, or too short for all tiles; None for particles alone."""
+    if limit is None:
+        return
     remedy = "set-up, compilation on first use, and finishing take long; give more time"
-    begun_fraction = float((progress.done > 0).mean())
+    pixels = "without the light of surfaces" if particle_seconds else "black"
+    if particle_seconds > _MOST_OF_PARTICLES * limit:
+        remedy = f"its particles took {particle_seconds:.3g} s; give more time or fewer particles"
+    begun_fraction = 1.0 if progress is None else float((progress.done > 0).mean())
     if not begun_fraction:
-        warn(f"nothing has been rendered within {limit:g} s, and the image is black: {remedy}", BudgetWarning)
+        warn(f"nothing has been rendered within {limit:g} s, and the image is {pixels}: {remedy}", BudgetWarning)
     elif begun_fraction < 1:
         warn(
             f"only {math.floor(100 * begun_fraction)} % of the tiles were begun within {limit:g} s; the other pixels "
-            "are black, with infinite errors",
+            f"are {pixels}, with infinite errors",
             BudgetWarning,
         )
     elif seconds > limit + max(_OVERRUN * limit, _OVERRUN_SECONDS):

@@ -96,15 +96,20 @@ def run(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
     with ProgressBar(begin[0], show=flag(options.progress, "progress")) as bar, contextlib.ExitStack() as files:
         setup = _set_up(subject, budget, options, begin, files)
         _begin(setup, subject, budget, bar)
+        particles = None
+        if subject.scene is not None and subject.scene.points is not None:
+            from plenoptic.rendering.points.points_exposure import add_points, image_of_points
+
+            particles = image_of_points(subject.scene, subject.camera, budget, setup.seed, setup.workers)
+            setup.clock.postpone()
         interrupted = _render(setup, subject, budget, options, bar)
         region = None if options.region is None else setup.region
         made = setup.progress, subject, region, setup.seed, setup.workers, setup.conditioning
         shot = exposure_of(*made, interrupted=interrupted)
-        if subject.scene is not None and subject.scene.points is not None:
-            from plenoptic.rendering.points.points_exposure import add_points
-
-            shot = add_points(shot, subject.scene, budget, setup.workers)
-        _warn(setup, subject, shot, interrupted=interrupted)
+        if particles is not None:
+            shot = add_points(shot, particles)
+        seconds = 0.0 if particles is None else particles.seconds
+        _warn(setup, subject, shot, interrupted=interrupted, particle_seconds=seconds)
         return shot
 
 
@@ -236,7 +241,7 @@ def progress_of(
     )
 
 
-def _warn(setup: RenderSetup, subject: Subject, shot: Exposure, *, interrupted: bool) -> None:
+def _warn(setup: RenderSetup, subject: Subject, shot: Exposure, *, interrupted: bool, particle_seconds: float) -> None:
     """Warn of a render that was interrupted or late, or whose image is black."""
     progress, limit = setup.progress, setup.progress.budget.time_limit
     if interrupted:
@@ -244,8 +249,7 @@ def _warn(setup: RenderSetup, subject: Subject, shot: Exposure, *, interrupted: 
         hint = "" if counts.all() else "; pixels without samples are black, with infinite errors"
         warn(f"the render was interrupted with {samples_text(counts)}{hint}", BudgetWarning)
         return
-    if limit is not None:
-        warn_if_late(progress, limit, time.perf_counter() - setup.begin[0])
+    warn_if_late(progress, limit, time.perf_counter() - setup.begin[0], particle_seconds)
     lit, meshes = bool(shot.image.any()), setup.context.intersector is not None
     explained = lit or setup.is_dark
     if progress.done.all() and not (explained and (progress.scene_hits or not meshes)):

@@ -15,6 +15,7 @@ from plenoptic.camera.psf.point_spread import landing_points, point_spread
 from plenoptic.camera.psf.sensor_hits import RayTask, forward_record, trace_task
 from plenoptic.core.kernels.sobol import mix
 from plenoptic.optics.lens.lens_record import lens_record
+from plenoptic.optics.lens.pupil import entrance_pupil
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygon, entrance_polygons
 from plenoptic.optics.lens.trace import trace_record
 
@@ -263,6 +264,21 @@ def test_outlines_of_regions_hold_all_light():
         np.testing.assert_allclose(np.sort(np.hypot(*polygon.T)), np.sort(np.hypot(*alone.T)), rtol=1e-6)
         own += np.array_equal(polygon, alone)
     assert own < 250
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_points_amid_darkness_need_no_search(turned, monkeypatch):
+    """Points beyond the field share the search of their cubes; near its edge all that see light keep it."""
+    entrance = forward_record(assembled(camera_with()) if turned else camera_with()).entrance
+    rng, searches = np.random.default_rng(8), []
+    monkeypatch.setattr(entrance_pupil, "_outline", lambda *a, f=entrance_pupil._outline: searches.append(a) or f(*a))
+    beyond = rng.uniform((400.0, 0.0, -420.0), (420.0, 20.0, -400.0), (400, 3))
+    assert np.isnan(entrance_polygons(entrance, beyond)).all() and 0 < len(searches) < 200
+    angle, height = rng.uniform(0, 2 * math.pi, 60), rng.uniform(200.0, 330.0, 60)
+    edge = np.column_stack([height * np.cos(angle), height * np.sin(angle), np.full(60, -404.0)])
+    polygons = entrance_polygons(entrance, edge)
+    is_dark = np.array([entrance_polygon(entrance, point) is None for point in edge])
+    assert (np.isnan(polygons[:, 0, 0]) == is_dark).all() and 10 < is_dark.sum() < 50
 
 
 def test_what_lands_beside_the_sensor_is_not_visible():

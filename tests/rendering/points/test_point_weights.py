@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from camera_helpers import bare_camera, camera_with, refused, the_lens
+from camera_helpers import GAUSS, bare_camera, camera_with, refused, the_lens
 
 import plenoptic as pl
-from plenoptic.rendering.points.particle_tracing import particle_scene, trace_particles
+from plenoptic.rendering.points.particle_scene import particle_scene
+from plenoptic.rendering.points.particle_tracing import RayNumber, trace_particles
 
 THIN = pl.LensModel.THIN
 TILTED = (pl.CameraPart.MICROLENSES, (0.03, -0.02, 0.0), (0.02, -0.01, 0.1))
@@ -124,7 +125,7 @@ def test_pixels_are_those_of_the_projection():
     for k in range(len(lit)):
         own = near & (nearest == k)
         light = weights.weight[own, 0].astype(float)
-        error = math.hypot(5 * lit.light_error[k], 5 * math.sqrt(weights.variance[own].sum()))
+        error = math.hypot(5 * lit.light_error[k], 5 * np.linalg.norm(weights.weight_error[own].astype(float)))
         assert abs(light.sum() - lit.light[k]) < error + 1e-3 * lit.light[k]
 
 
@@ -225,9 +226,77 @@ def test_files_give_the_same_weights(tmp_path, suffix):
         pl.rendering.PointWeights.load(tmp_path / f"bad{suffix}")
 
 
+def damaged(weights, **arrays):
+    fields = {field.name: getattr(weights, field.name) for field in dataclasses.fields(weights)}
+    return pl.rendering.PointWeights(**fields | arrays)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "message"),
+    [
+        ("pixel", lambda a: np.where(a == a[0], 1 << 18, a), "pixel must be from 0 to 262143"),
+        ("pixel", lambda a: np.where(a == a[0], -1, a), "pixel must be from 0 to 262143"),
+        ("pixel", lambda a: a.astype(float), "pixel holds float64; it must hold whole numbers"),
+        ("pixel", lambda a: a[:-1], "weight has shape|indptr"),
+        ("indptr", lambda a: a + 1, "indptr must ascend from 0"),
+        ("indptr", lambda a: a[[0, 2, 1, *range(3, len(a))]], "indptr must ascend from 0"),
+        ("indptr", lambda a: a[:-1], "indptr has shape"),
+        ("weight", lambda a: a[:, 0], "weight has shape"),
+        ("weight", lambda a: np.repeat(a, 2, axis=1), "weight has shape"),
+        ("weight", lambda a: a * np.float32(np.nan), "weight holds a number that is not finite"),
+        ("weight_error", lambda a: a[:5], "weight_error has shape"),
+        ("weight_error", lambda a: -a, "negative error"),
+        ("light", lambda a: a[:-1], "has shape"),
+        ("intensity", lambda a: a[:-1], "intensity has shape"),
+        ("centroid", lambda a: a[:-1], "centroid has shape"),
+        ("shape", lambda a: np.array([46341, 46342]), "rows x columns is 46341 x 46342; it must be at most"),
+        ("shape", lambda a: np.array([0, 512]), "rows"),
+        ("shape", lambda a: np.array([512, 512, 1]), "shape has shape"),
+        ("pitch", lambda a: 0.0, "pitch"),
+        ("rays", lambda a: 0, "rays"),
+        ("seed", lambda a: -1, "seed"),
+    ],
+)
+def test_damaged_weights_are_refused(tmp_path, name, damage, message):
+    """When they are made, and from files, before a kernel reads beyond the end of an array."""
+    weights = weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
+    wrong = damage(getattr(weights, name))
+    with refused(message):
+        damaged(weights, **{name: wrong})
+    arrays = {field.name: getattr(weights, field.name) for field in dataclasses.fields(weights)}
+    np.savez(tmp_path / "w.npz", **arrays | {name: wrong})
+    with pytest.raises(pl.errors.FileError, match=message):
+        pl.rendering.PointWeights.load(tmp_path / "w.npz")
+    with pytest.raises(pl.errors.FileError, match=f"it has no .*{name}"):
+        np.savez(tmp_path / "w.npz", **{other: array for other, array in arrays.items() if other != name})
+        pl.rendering.PointWeights.load(tmp_path / "w.npz")
+
+
+def test_pairs_of_other_rays_are_refused():
+    camera, points = CAMERAS["2.0"], pl.Points(POSITIONS, intensity=1.0)
+    first = weights_of(POSITIONS, camera, rays=256)
+    for options in ({"rays": 512}, {"rays": 256, "seed": 1}):
+        with refused("trace both with the same rays= and seed="):
+            first.displacement(pl.rendering.point_weights(points, camera, progress=False, **options))
+
+
+@pytest.mark.parametrize("distance", [1e10, 1e13])
+def test_errors_of_faint_particles_hold(distance):
+    """Particles twice as far have a quarter of the light, and of the error, whose square float32 does not hold."""
+    focus = bare_camera(z=float(pl.paraxial.cardinal_points(the_lens(), 587.6).rear_focus))
+    one, two = (weights_of([(0, 0, -d)], focus, rays=256) for d in (distance, 2 * distance))
+    assert one.weight_error.any() and one.light_error[0] > 0
+    assert np.isclose(one.light[0] / two.light[0], 4.0, rtol=1e-3)
+    errors = [np.linalg.norm(weights.weight_error.astype(float)) for weights in (one, two)]
+    assert np.isclose(errors[0] / errors[1], 4.0, rtol=0.3)
+    # Ten times the light of stars: the image's errors, too.
+    image, error = one.image([1.0])
+    assert error.max() > 1e-3 * image.max() > 0
+
+
 def test_memory_of_a_task_is_bounded():
     points = pl.Points(RNG.uniform((-7, -7, -420), (7, 7, -390), (40, 3)), intensity=1.0)
-    parts = list(trace_particles(particle_scene(points, CAMERAS["2.0"], None, 0), 1 << 16, 1))
+    parts = list(trace_particles(particle_scene(points, CAMERAS["2.0"], None, 0), RayNumber(1 << 16), 1))
     assert [len(part.number) for part in parts] == [8] * 5  # 2^19 rays
     assert [k for part in parts for k in part.number] == list(range(40))
 
@@ -248,3 +317,42 @@ def test_bad_particles_are_refused():
     # Outside the field: no light, no centroid.
     beside = weights_of([(4000.0, 0, -404)], camera)
     assert beside.light[0] == 0 and np.isnan(beside.centroid).all() and len(beside.pixel) == 0
+
+
+def light_of_disc(lens, centre, diameter, reach):
+    """Light and standard error of a disc that faces each ray, by rays to a square wider than the lens, of half side
+    `reach`, at its first vertex.
+    """
+    n, z, rng = 1 << 21, float(lens.vertices[0]) - 1e-6, np.random.default_rng(2)
+    aims = np.column_stack([rng.uniform(-reach, reach, (n, 2)), np.full(n, z)])
+    direction = aims - centre
+    distance = np.linalg.norm(direction, axis=1)
+    direction /= distance[:, None]
+    across = np.cross(direction, (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    radius, angle = 0.5 * diameter * np.sqrt(rng.random(n)), rng.uniform(0, 2 * math.pi, n)
+    offset = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(direction, across)
+    start = centre + radius[:, None] * offset
+    passed = lens.trace(pl.RayBundle(start, aims - start)).status == 0
+    weight = np.where(passed, (z - centre[2]) / distance**3, 0.0) * (2 * reach) ** 2
+    return weight.mean(), weight.std() / math.sqrt(n)
+
+
+@pytest.mark.parametrize(
+    ("centre", "diameter", "stop"),
+    [
+        ((0.0, 0.0, -404.0), 20.0, 5.0),
+        ((0.0, 0.0, -150.0), 40.0, 20.0),
+        ((20.0, 15.0, -150.0), 1.0, 2.0),
+        ((100.0, 30.0, -404.0), 60.0, 10.0),
+        ((190.0, 0.0, -404.0), 30.0, 25.0),  # at the rim of the field, cut by vignetting
+    ],
+)
+def test_discs_keep_their_light(centre, diameter, stop):
+    """Points of a disc see the pupil elsewhere: up to 49 % of the light was lost in the polygon of the centre."""
+    lens = GAUSS.with_stop(pl.CircularStop(stop))
+    camera = bare_camera(lens, shape=(256, 256), pitch=2.0)
+    light, error = light_of_disc(lens, np.array(centre), diameter, 40.0)
+    weights = weights_of([centre], camera, diameter=diameter, rays=1 << 18)
+    joint = math.hypot(error, weights.light_error[0])
+    assert abs(weights.light[0] - light) < 2 * joint + 1e-3 * light, (weights.light[0] / light - 1, joint / light)

@@ -3,12 +3,15 @@
 import dataclasses
 import subprocess
 import sys
+import time
+import warnings
 
 import numpy as np
 import pytest
 from camera_helpers import CAMERA, bare_camera
 
 import plenoptic as pl
+from plenoptic.rendering.points import particle_tracing, points_exposure
 
 POINTS = pl.Points([(0.0, 0.0, -404.0), (1.5, 1.0, -400.0), (-2.0, 0.5, -410.0)], intensity=[1e-2, 2e-2, 3e-2])
 BARE = bare_camera(shape=(64, 64), pitch=0.08)
@@ -42,6 +45,111 @@ def test_surfaces_hide_particles():
     assert pl.rendering.point_weights(POINTS, BARE, scene=behind, progress=False) == free
     with pytest.warns(pl.errors.BlackImageWarning):
         render(pl.Scene(points=POINTS), region=np.s_[0:2, 0:2])
+
+
+def test_glass_before_particles_is_named_once():
+    pane = dataclasses.replace(pl.box(4, material=pl.Dielectric(1.5)).translated(0.0, 0.0, -300.0), name="pane")
+    thin = pl.quad((-50, -50, -380), (100, 0, 0), (0, 100, 0), material=pl.materials.ThinGlass())
+    thin = dataclasses.replace(thin, name="foil")
+    wall = pl.quad((-50, -50, -480), (100, 0, 0), (0, 100, 0))
+    scene = pl.Scene([wall, pane], background=0.1, points=POINTS)
+    with pytest.warns(pl.errors.ImplausibleSceneWarning, match="3 of 3 particles .* hides them: pane;") as caught:
+        render(scene)
+    assert len(caught) == 1
+    with pytest.warns(pl.errors.ImplausibleSceneWarning, match="foil;"):
+        pl.rendering.point_weights(POINTS, BARE, scene=pl.Scene([wall, thin]), rays=64, progress=False)
+    beside = pl.box(4, material=pl.Dielectric(1.5)).translated(60.0, 0.0, -300.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pl.rendering.point_weights(POINTS, BARE, scene=pl.Scene([wall, beside]), rays=64, progress=False)
+
+
+def test_particles_in_the_medium_around_glass_are_outside_of_it():
+    ball = pl.sphere(10.0, material=pl.Dielectric(1.5)).translated(12.0, 0.0, -404.0)
+    scene = pl.Scene([ball], medium=pl.materials.Medium(1e-3))
+    corner = pl.Points([(4.0, -6.5, -396.0)], intensity=1.0)  # in the box around the ball
+    assert pl.rendering.point_weights(corner, BARE, scene=scene, rays=64, progress=False).light[0] > 0
+    with pytest.raises(pl.errors.SceneError, match="inside a body of glass"):
+        inside = pl.Points([(12.0, 0.0, -404.0)], intensity=1.0)
+        pl.rendering.point_weights(inside, BARE, scene=scene, progress=False)
+
+
+def test_dark_particles_need_no_rays(monkeypatch):
+    """Particles without light, and beyond the field, of which rays are not chosen either."""
+    rng, traced = np.random.default_rng(3), []
+    dark = rng.uniform((-2, -2, -420), (2, 2, -400), (3000, 3))
+    beyond = rng.uniform((400, 0, -420), (420, 20, -400), (300, 3))
+    positions = np.concatenate([dark, beyond, POINTS.positions])
+    intensity = np.concatenate([np.zeros(3000), np.ones(300), POINTS.intensity])
+    task = particle_tracing._trace_task
+    monkeypatch.setattr(particle_tracing, "_trace_task", lambda scene, t: traced.append(t.number) or task(scene, t))
+    shot = render(pl.Scene(points=pl.Points(positions, intensity=intensity)))
+    assert min(map(min, traced)) >= 3000
+    alone = pl.rendering.point_weights(POINTS, BARE, progress=False)
+    light = shot.image.sum(dtype=float) * 0.08**2
+    # As many rays as the lit particles need alone, though all pilots but them are dark; errors of both are 1 %.
+    assert abs(light / (alone.light @ POINTS.intensity) - 1) < 0.05
+    chosen = pl.rendering.point_weights(pl.Points(positions[3000:], intensity=1.0), BARE, progress=False)
+    assert chosen.rays == alone.rays > 128
+    # Without any light nothing is traced.
+    traced.clear()
+    with pytest.warns(pl.errors.BlackImageWarning):
+        render(pl.Scene(points=pl.Points(dark, intensity=0.0)))
+    assert not traced
+
+
+def test_time_limits_hold_for_particles():
+    """By fewer rays; surfaces get at least some samples, and a warning blames the particles."""
+    rng = np.random.default_rng(4)
+    points = pl.Points(rng.uniform((-2, -2, -420), (2, 2, -400), (2000, 3)), intensity=1e-3)
+    camera = dataclasses.replace(BARE, sensor=pl.Sensor((64, 64), 0.08))
+    render(pl.Scene(points=POINTS, background=0.1), camera)  # compilation
+    free = render(pl.Scene(points=points), camera, target_error=2e-3, samples=4)
+    short = render(pl.Scene(points=points), camera, target_error=2e-3, samples=None, time_limit=0.5)
+    errors = [np.linalg.norm(s.standard_error) / np.linalg.norm(s.image) for s in (free, short)]
+    assert errors[1] > 1.5 * errors[0] and abs(short.image.sum() / free.image.sum() - 1) < 0.02
+    both = render(pl.Scene(points=points, background=0.1), camera, samples=None, time_limit=0.5)
+    assert both.samples > 0 and np.isfinite(both.standard_error).all()
+
+
+def test_surfaces_get_samples_after_slow_particles(monkeypatch):
+    original = points_exposure.image_of_points
+
+    def slow(*arguments):
+        time.sleep(1.0)
+        return original(*arguments)._replace(seconds=1.0)
+
+    monkeypatch.setattr(points_exposure, "image_of_points", slow)
+    scene = pl.Scene(points=POINTS, background=0.1)
+    render(scene)
+    with pytest.warns(pl.errors.BudgetWarning) as caught:
+        shot = render(scene, samples=None, time_limit=0.2)
+    assert shot.samples > 0 and shot.image.min() > 0
+    assert all("black" not in str(warning.message) for warning in caught)
+    assert any("its particles took 1 s" in str(warning.message) for warning in caught)
+
+
+def test_plans_and_estimates_know_particles():
+    stage = pl.rendering.Stage.PARTICLES
+    plan = pl.plan(pl.Scene(points=POINTS), BARE)
+    assert plan.runs(stage) and "rays start at 3 particles" in repr(plan) and "will be black" not in repr(plan)
+    assert not pl.plan(pl.Scene(background=0.1), BARE).runs(stage) and not pl.plan(None, BARE).runs(stage)
+    rng = np.random.default_rng(1)
+    positions = rng.uniform((-2, -2, -420), (2, 2, -400), (4000, 3))
+    alone = [
+        pl.estimate(pl.Scene(points=pl.Points(positions[:n], intensity=1.0)), BARE, samples=4, progress=False)
+        for n in (1000, 4000)
+    ]
+    # Pupils are shared: four times the particles take one to four times the time, with a margin for the clock.
+    assert alone[0].seconds.low > 0 and 1.0 < alone[1].cpu_seconds.value / alone[0].cpu_seconds.value < 6.0
+    few, many = (
+        pl.estimate(pl.Scene(points=points, background=0.1), BARE, samples=4, progress=False)
+        for points in (None, pl.Points(positions, intensity=1.0))
+    )
+    assert many.cpu_seconds.low > few.cpu_seconds.value + 0.3 * alone[1].cpu_seconds.value
+    for estimate in (*alone, many):
+        for number in (estimate.cpu_seconds, estimate.seconds, estimate.peak_memory):
+            assert 0 < number.low <= number.value <= number.high
 
 
 @pytest.mark.parametrize("scene", [pl.Scene(points=POINTS), pl.Scene(points=POINTS, background=0.1)])

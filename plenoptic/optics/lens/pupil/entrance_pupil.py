@@ -5,10 +5,13 @@ The bounds are sampling regions and do not affect the weights of rays; too large
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats
@@ -43,6 +46,10 @@ _REGION = 0.0625
 pupil."""
 _FARTHEST = 2.0**-20
 """Length of the lens over the distance of the farthest corner of a simplex, which lies at infinity."""
+_RING = np.column_stack([normals_of(8) / math.cos(math.pi / 8), np.zeros(8)])
+"""Points (8, 3) around a disc of radius 1, whose octagon contains it."""
+_SMALL_DISC = 2.0**-7
+"""Displacement of the beams of a disc over the size of the pupil up to which it needs no search: outlines are wider."""
 _LONGEST = 1e150
 """Coordinate in mm up to which points share outlines."""
 
@@ -100,12 +107,45 @@ def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """
+    outline = _searched_outline(where, point)
+    return None if outline is DARK else polygon_around(outline.support)
+
+
+def _searched_outline(where: Entrance, point: Floats) -> Outline:
+    """Outline from a second search if the first one finds no light."""
     outline = _outline(where, point)
     if outline is DARK:
         rim = Guess(*_rim_box(where, point), _DENSE)
         with np.errstate(all="ignore"):
             outline = light_outline(PupilRays(where.parts, point, where.z), [rim], rim, _FINE)
-    return None if outline is DARK else polygon_around(outline.support)
+    return outline
+
+
+def _disc_polygon(where: Entrance, point: Floats, radius: float) -> Floats | None:
+    """Polygon as of `entrance_polygon` around all rays from a disc that faces each of them."""
+    outline = _searched_outline(where, point)
+    support = _rim_support(where, point) if outline is DARK else outline.support
+    radius = float(_radius_in_plane(polygon_around(support), where.z, point, radius))
+    if radius <= 0.5 * _SMALL_DISC * float((outline.support + np.roll(outline.support, SIDES // 2)).min()):
+        return polygon_around(outline.support + radius)
+    ring = [_outline(where, point + radius * offset).support for offset in _RING]
+    support = np.max([outline.support, *ring], axis=0)
+    return polygon_around(support) if np.isfinite(support[0]) else None
+
+
+def _rim_support(where: Entrance, point: Floats) -> Floats:
+    (left, bottom), (right, top) = _rim_box(where, point)
+    corners = np.array([(left, bottom), (right, bottom), (left, top), (right, top)])
+    return np.asarray((corners @ normals_of(SIDES).T).max(axis=0))
+
+
+def _radius_in_plane(corners: Floats, z: float, point: Floats, radius: Floats | float) -> Floats:
+    """Radius of the disc at the z of a point through which pass all rays from one that faces them.
+
+    Rays go to corners (..., k, 2) on the plane z.
+    """
+    across = np.linalg.norm(corners - point[..., None, :2], axis=-1).max(axis=-1)
+    return np.asarray(radius * np.hypot(1.0, across / (z - point[..., 2])))
 
 
 def _outline(where: Entrance, point: Floats) -> Outline:
@@ -115,28 +155,35 @@ def _outline(where: Entrance, point: Floats) -> Outline:
         return light_outline(PupilRays(where.parts, point, where.z), guesses, rim, _FINE)
 
 
-def entrance_polygons(where: Entrance, points: Floats) -> Floats:
+def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = None) -> Floats:
     """Corners (n, SIDES, 2) of polygons as of `entrance_polygon` for points (n, 3); nan if dark.
+
+    With `radius` (n,) they are around all rays from discs around the points, each of which faces the ray.
 
     Object space is divided into simplices, and the polygon of a point is the union of the outlines at the corners of
     its simplex, as they lie on the plane of the entrance pupil. Points with light at the edge of that polygon have
-    their own, and so have points of simplices with a corner that is dark or sees several parts of the pupil. Polygons
-    do not depend on the other points.
+    their own, and so have points of simplices with a corner that is dark or sees several parts of the pupil. A point is
+    dark without a search if the corners of its cube and of all cubes around it are dark. Polygons do not depend on the
+    other points.
     """
-    polygons = np.full((len(points), SIDES, 2), np.nan)
+    polygons, is_dark = np.full((len(points), SIDES, 2), np.nan), np.zeros(len(points), bool)
     # The squares of more distant points may overflow.
     near = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) < _LONGEST)
-    polygons[near] = _polygons_of_simplices(where, points[near])
-    for k in np.flatnonzero(np.isnan(polygons[:, 0, 0])):
-        corners = entrance_polygon(where, points[k])
+    radii = None if radius is None else radius[near]
+    polygons[near], is_dark[near] = _polygons_of_simplices(where, points[near], radii)
+    for k in np.flatnonzero(np.isnan(polygons[:, 0, 0]) & ~is_dark):
+        is_disc = radius is not None and radius[k] > 0.0
+        corners = _disc_polygon(where, points[k], radius[k]) if is_disc else entrance_polygon(where, points[k])
         if corners is not None:
             polygons[k] = corners
     return polygons
 
 
-def _polygons_of_simplices(where: Entrance, points: Floats) -> Floats:
-    """Corners (n, SIDES, 2) of polygons around the outlines at the corners of each point's simplex; nan without one."""
-    polygons = np.full((len(points), SIDES, 2), np.nan)
+def _polygons_of_simplices(where: Entrance, points: Floats, radius: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
+    """Corners (n, SIDES, 2) of polygons around the outlines at the corners of each point's simplex, nan without one;
+    and True (n,) for points amid dark simplices.
+    """
+    polygons, is_dark = np.full((len(points), SIDES, 2), np.nan), np.zeros(len(points), bool)
     z, semi_diameter, _ = where.pupil
     if IDEAL in where.lens.rows["kind"] or not math.isfinite(z):
         z = where.z
@@ -151,43 +198,78 @@ def _polygons_of_simplices(where: Entrance, points: Floats) -> Floats:
     scale = _REGION * np.array([size / span, 1.0, size / span])
     place = np.column_stack([local.real / distance, span / distance, local.imag / distance]) / scale
     supports = _largest_supports(where, (z, span), scale, place[:, :2] if is_centred else place)
+    is_dark[rows] = np.isneginf(supports[:, 0])
+    if radius is not None:  # points of a disc are in the cubes around that of its centre
+        is_dark[rows] &= radius[rows] * np.hypot(1.0, np.abs(across) / distance) < distance * scale[0]
     shared = np.isfinite(supports[:, 0])
     rows, distance, supports = rows[shared], distance[shared], supports[shared]
     local, turn = local[shared], turn[shared]
     fraction, normals = 1.0 - (z - where.z) / distance[:, None], normals_of(SIDES)
     around = (1.0 - fraction) * (local.real[:, None] * normals[:, 0] + local.imag[:, None] * normals[:, 1])
-    corners = polygon_around(around + fraction * supports) @ (1.0, 1j) * turn[:, None]
+    supports, large = around + fraction * supports, np.zeros(len(rows), bool)
+    if radius is not None:
+        # The beam of a displaced point turns around its centre on the plane of the pupil.
+        inside = np.stack([local.real, local.imag, points[rows, 2]], axis=-1)
+        in_plane = _radius_in_plane(polygon_around(supports), where.z, inside, radius[rows])
+        displacement = np.abs(1.0 - fraction) * in_plane[:, None]
+        supports, large = supports + displacement, displacement[:, 0] > _SMALL_DISC * size
+    corners = polygon_around(supports) @ (1.0, 1j) * turn[:, None]
     edge = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
     start = np.stack([edge.real, edge.imag, np.full(edge.shape, where.z)], axis=-1)
-    directions = start - points[rows, None]
-    rays = RayBundle.through(start.reshape(-1, 3), directions.reshape(-1, 3), 1.0)
-    is_dark = (trace_record(where.lens, rays, threads=1).status != 0).reshape(edge.shape).all(axis=1)
-    polygons[rows[is_dark]] = np.stack([corners.real, corners.imag], axis=-1)[is_dark]
-    return polygons
+    is_enclosed = _are_dark(where, points[rows], start)
+    if radius is not None and large.any():
+        for offset in _RING:
+            displaced = points[rows[large]] + in_plane[large, None] * offset
+            is_enclosed[large] &= _are_dark(where, displaced, start[large])
+    polygons[rows[is_enclosed]] = np.stack([corners.real, corners.imag], axis=-1)[is_enclosed]
+    return polygons, is_dark
+
+
+def _are_dark(where: Entrance, points: Floats, ends: Floats) -> NDArray[np.bool_]:
+    """True (n,) if no ray from a point (n, 3) through its ends (n, k, 3) passes the lens."""
+    directions = ends - points[:, None]
+    rays = RayBundle.through(ends.reshape(-1, 3), directions.reshape(-1, 3), 1.0)
+    return np.asarray((trace_record(where.lens, rays, threads=1).status != 0).reshape(ends.shape[:2]).all(axis=1))
 
 
 def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats, place: Floats) -> Floats:
     """Largest supports (n, SIDES) on the plane of the pupil of the outlines at the corners of simplices around points
     `place` (n, 2) or (n, 3); nan if one is dark, has parts or cannot be seen. `pupil` is its z and the lens's length.
 
-    `place` is x, nearness and y over `scale`: slopes from the pupil to the point, and length over distance.
+    They are -inf if the corners of the cube and of all cubes around it are dark. `place` is x, nearness and y over
+    `scale`: slopes from the pupil to the point, and length over distance.
     """
-    (z, span), normals = pupil, normals_of(SIDES)
+    support_at = functools.cache(functools.partial(_corner_support, where, pupil, scale))
     first = np.floor(place)
     # The paths from the first corner of a cube to the last one, along the axes in the order of the fractional parts.
     steps = np.argsort(first - place, axis=1, kind="stable")[:, :, None] == np.arange(place.shape[1])
     corners = first[:, None] + np.concatenate([np.zeros((len(place), 1, place.shape[1])), steps.cumsum(axis=1)], axis=1)
     unique, number = np.unique(corners.reshape(-1, place.shape[1]), axis=0, return_inverse=True)
-    supports = np.full((len(unique), SIDES), np.nan)
-    for k, (x, nearness, *y) in enumerate((unique * scale[: place.shape[1]]).tolist()):
-        behind = span / max(nearness, _FARTHEST)
-        if not z - behind < where.z:
-            continue
-        point, fraction = np.array([x * behind, sum(y) * behind, z - behind]), 1.0 - (z - where.z) / behind
-        outline = _outline(where, point)
-        if outline is not DARK and not outline.parted:
-            supports[k] = (outline.support - (1.0 - fraction) * (normals @ point[:2])) / fraction
-    return np.asarray(supports[number.reshape(corners.shape[:2])].max(axis=1))
+    supports = np.array([support_at(*corner) for corner in unique.tolist()]).reshape(-1, SIDES)
+    of_simplices = supports[number.reshape(corners.shape[:2])]
+    largest, is_dark = of_simplices.max(axis=1), np.isneginf(of_simplices[:, :, 0])
+    largest[is_dark.any(axis=1)] = np.nan
+    rows = np.flatnonzero(is_dark.all(axis=1))
+    cubes, number = np.unique(first[rows], axis=0, return_inverse=True)
+    around = [itertools.product(*(range(int(k) - 1, int(k) + 3) for k in cube)) for cube in cubes]
+    amid_dark = [all(np.isneginf(support_at(*map(float, corner))[0]) for corner in block) for block in around]
+    largest[rows[np.array(amid_dark, bool)[number.ravel()]]] = -np.inf
+    return np.asarray(largest)
+
+
+def _corner_support(
+    where: Entrance, pupil: tuple[float, float], scale: Floats, x: float, nearness: float, y: float = 0.0
+) -> Floats:
+    """Support (SIDES,) of the outline at a corner; -inf if dark, nan if it has parts or cannot be seen."""
+    z, span = pupil
+    behind = span / max(nearness * float(scale[1]), _FARTHEST)
+    if not z - behind < where.z:
+        return np.full(SIDES, np.nan)
+    point = np.array([x * scale[0] * behind, y * scale[2] * behind, z - behind])
+    outline, fraction = _outline(where, point), 1.0 - (z - where.z) / behind
+    if outline.parted:
+        return np.full(SIDES, np.nan)
+    return np.asarray((outline.support - (1.0 - fraction) * (normals_of(SIDES) @ point[:2])) / fraction)
 
 
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:

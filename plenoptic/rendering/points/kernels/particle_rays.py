@@ -36,11 +36,11 @@ def _offset(dx, dy, dz, radius, u, v):
 
 
 @kernel
-def fill_particle_rays(blocks, batch, seed, z, ideal):
+def fill_particle_rays(blocks, batch, seed, z, ideal, lengths):
     """Sample the rays of a `ParticleBatch` from their particles to the polygons on the plane z.
 
     WEIGHT is the solid angle of a single ray, area cos^3 / height^2; before an `ideal` lens it is du dv / cos, see
-    `fill_source_rays`, whose emitters are flat.
+    `fill_source_rays`, whose emitters are flat. `lengths` (n,) get the paths to the plane in mm; or None.
     """
     n = batch.number.size * batch.replicates * batch.each
     key, area, corners = np.uint64(0), 0.0, batch.polygon.shape[2]
@@ -61,6 +61,8 @@ def fill_particle_rays(blocks, batch, seed, z, ideal):
         ray[X + j], ray[Y + j], ray[Z + j] = x, y, z
         ray[L + j], ray[M + j], ray[N + j] = dx * per_length, dy * per_length, dz * per_length
         ray[STATUS + j] = 0.0
+        if lengths is not None:
+            lengths[k] = 1.0 / per_length
         if ideal:
             ray[WEIGHT + j] = area * math.sqrt(square) / (height * height * height)
         else:
@@ -91,11 +93,12 @@ def stop_rays(blocks, blocked):
 
 
 @kernel
-def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, colour):
+def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, medium):
     """Pixels of the rays of a bundle, -1 beside the sensor or an `opening`, and their weights (n, channels).
 
     `moments` (particles, replicates, 3) get sums of w, w x, w y with w the mean over the channels, x and y in mm.
-    `colour` (particles, channels) are factors; `screen` is rows, columns and pitch of the sensor.
+    `screen` is rows, columns and pitch of the sensor; `medium` is the length (n,) of each ray in mm, and the extinction
+    (channels,) per mm, or None.
     """
     rows, columns, pitch = screen
     for k in range(pixel.size):
@@ -113,7 +116,9 @@ def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, colour):
         particle, replicate, _ = _place(batch, k)
         pixel[k], mean = i * columns + c, 0.0
         for channel in range(weight.shape[1]):
-            w = ray[WEIGHT + j] * colour[particle, channel]
+            w = ray[WEIGHT + j] * batch.colour[particle, channel]
+            if medium is not None:
+                w *= math.exp(-medium[0][k] * medium[1][channel])
             weight[k, channel] = w
             mean += w / weight.shape[1]
         sums = moments[particle, replicate]
@@ -124,7 +129,7 @@ def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, colour):
 
 @kernel
 def fill_entries(entries, counts, pixel, weight, table, sums, each):
-    """Sum the rays of each particle over pixels: `entries` are pixels (m,), weights and variances (m, channels).
+    """Sum the rays of each particle over pixels: `entries` are pixels (m,), weights and their errors (m, channels).
 
     `counts` (particles,) gets the number of pixels of each, in the order in which rays reach them; `pixel` is (passes,
     particles, replicates, rays), `weight` has channels as a last dimension. `table` is a hash table with a power of two
@@ -165,7 +170,7 @@ def fill_entries(entries, counts, pixel, weight, table, sums, each):
                     step = sums[e - first, r, c] / each - mean
                     squares += step * step
                 entries[1][e, c] = mean
-                entries[2][e, c] = squares / (replicates * (replicates - 1))
+                entries[2][e, c] = math.sqrt(squares / (replicates * (replicates - 1)))
     return end
 
 
@@ -176,12 +181,12 @@ def add_entries(image, variance, counts, entries, intensity):
     `intensity` is (particles, 1) or (particles, channels); weights may have one channel for all.
     """
     e = 0
-    pixels, weights, variances = entries
+    pixels, weights, errors = entries
     for p in range(counts.size):
         for _ in range(counts[p]):
             for c in range(image.shape[1]):
                 light = intensity[p, c if intensity.shape[1] > 1 else 0]
                 w = c if weights.shape[1] > 1 else 0
                 image[pixels[e], c] += light * weights[e, w]
-                variance[pixels[e], c] += light * light * variances[e, w]
+                variance[pixels[e], c] += (light * errors[e, w]) ** 2
             e += 1

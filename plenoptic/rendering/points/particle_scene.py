@@ -1,0 +1,180 @@
+"""Particles before a camera, compiled: passbands of the camera, colours, pilots and meshes that hide them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plenoptic.camera.psf.sensor_hits import ForwardRecord, diffraction_record, in_lens_axes
+from plenoptic.core.color.spectra import colour_tables
+from plenoptic.core.values import Floats
+from plenoptic.core.warn import warn
+from plenoptic.errors import ImplausibleSceneWarning, SceneError
+from plenoptic.scene.points import Points
+from plenoptic.scene.textures.color import is_grey
+
+if TYPE_CHECKING:
+    from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.scene.cache import PreparedScene
+    from plenoptic.scene.materials.medium import Medium
+    from plenoptic.scene.scene import Scene
+
+_WAVELENGTHS = 16
+"""Wavelengths at which a camera with a spectral sensitivity is traced."""
+
+
+class Passband(NamedTuple):
+    """Record of a camera at one wavelength, and the weights of the light there."""
+
+    record: ForwardRecord
+    weights: Floats
+    """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
+    extinction: Floats | None = None
+    """(C,): loss of light of each channel in the scene's medium, per mm; None without a medium."""
+
+
+class ParticleScene(NamedTuple):
+    """Particles before a camera, compiled."""
+
+    points: Points
+    lit: NDArray[np.int64]
+    """Particles that have light in any channel."""
+    passbands: tuple[Passband, ...]
+    hue: Floats | None
+    """(n, 3): colours of particles over their means; None if weights have no colour: neither camera nor medium has."""
+    intensity: Floats
+    """(n, 1) or (n, 3): what weights are multiplied by."""
+    occluder: PreparedScene | None
+    seed: np.uint64
+
+    @property
+    def channels(self) -> int:
+        """Channels of the weights."""
+        return 1 if self.hue is None else len(self.passbands[0].weights)
+
+    @property
+    def image_channels(self) -> int:
+        """Channels of images."""
+        return max(self.channels, len(self.intensity[0]))
+
+
+def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
+    """Compile particles before a camera, hidden by the meshes of a scene and weakened by its medium.
+
+    Raises errors of particles at bad places.
+    """
+    medium = None if scene is None else scene.medium
+    passbands = _passbands(camera, medium)
+    record = passbands[0].record
+    in_lens_axes(record, points.positions)
+    centre = _pupil_centre(record)
+    occluder = None if scene is None or not scene.meshes else _occluder(scene, points, centre)
+    intensity = points.intensities(centre)
+    columns = intensity if intensity.ndim == 2 else intensity[:, None]
+    if medium is not None and points.sheet is not None:
+        extinction = np.atleast_1d(np.add(medium.absorption, medium.scattering))
+        lengths = np.maximum(points.sheet.lengths_at(points.positions), 0.0)
+        columns = columns * np.exp(-np.multiply.outer(lengths, extinction))
+    hue = None
+    if camera.sensitivity is not None or len(passbands[0].weights) > 1:
+        mean = columns.mean(axis=1, keepdims=True)
+        hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
+        columns = mean
+    return ParticleScene(
+        points, np.flatnonzero(columns.any(axis=1)), passbands, hue, columns, occluder, np.uint64(seed)
+    )
+
+
+def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband, ...]:
+    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
+    extinction = None
+    if medium is not None:
+        extinction = np.zeros(3) + np.add(medium.absorption, medium.scattering)
+    if camera.sensitivity is None:
+        if extinction is None or is_grey(extinction):
+            return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3, extinction),)
+        return (Passband(diffraction_record(camera), np.eye(3), extinction),)
+    tables = colour_tables(camera.sensitivity)
+    probability = np.diff(tables.cdf, prepend=0.0)
+    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
+    part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
+    bands = []
+    for k in np.unique(part):
+        rows = part == k
+        wavelength = float(np.average(tables.wavelengths[rows], weights=probability[rows]))
+        weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
+        loss = None
+        if extinction is not None:  # the spectrum of its colour
+            loss = np.full(3, np.average(tables.basis[rows], axis=0, weights=probability[rows]) @ extinction)
+        bands.append(Passband(diffraction_record(dataclasses.replace(camera, wavelength=wavelength)), weights, loss))
+    return tuple(bands)
+
+
+def _pupil_centre(record: ForwardRecord) -> Floats:
+    """Centre (3,) of the entrance pupil in the world, or of the first plane of a telecentric lens."""
+    z = record.entrance.pupil[0]
+    centre = np.array([[0.0, 0.0, z if np.isfinite(z) else record.entrance.z]])
+    pose, lens_pose = record.camera.pose, record.parts.lens_to_camera
+    centre = centre if lens_pose is None else lens_pose.points(centre)
+    return np.asarray((centre if pose is None else pose.to_world(centre))[0])
+
+
+def _occluder(scene: Scene, points: Points, centre: Floats) -> PreparedScene:
+    """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass, and warn of
+    glass between them and the pupil's centre.
+    """
+    from plenoptic.scene.cache import prepared_scene
+    from plenoptic.scene.geometry.instance import Instances
+    from plenoptic.scene.materials.alpha_mask import media_at
+    from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+
+    prepared, glass = prepared_scene(scene), []
+    is_near_glass = np.zeros(len(points), bool)
+    for k, part in enumerate(scene.meshes):
+        material = (part.mesh if isinstance(part, Instances) else part).material
+        if isinstance(material, Dielectric | ThinGlass):
+            glass.append(k)
+        if isinstance(material, Dielectric):
+            low, high = part.bounds
+            is_near_glass |= ((low < points.positions) & (points.positions < high)).all(axis=1)
+    body = 0 if prepared.record.surrounding is None else 1
+    for k in np.flatnonzero(is_near_glass).tolist():
+        assert prepared.intersector is not None
+        if media_at(prepared.record, prepared.intersector, points.positions[k])[body] >= 0:
+            raise SceneError(
+                f"particle {k} at {points.positions[k].tolist()} mm lies inside a body of glass, whose surface stops "
+                "its rays; move it outside, give the medium to pl.Scene(medium=), or put an emissive mesh there"
+            )
+    if glass:
+        _warn_of_glass(scene, prepared, points.positions, centre, glass)
+    return prepared
+
+
+def _warn_of_glass(scene: Scene, prepared: PreparedScene, points: Floats, centre: Floats, glass: list[int]) -> None:
+    """Warn of meshes of glass, by their numbers in the scene, that particles lie behind."""
+    from plenoptic.scene.geometry.kernels.interaction import fill_distances
+    from plenoptic.scene.materials.alpha_mask import no_hits
+
+    record, distance = prepared.record, np.linalg.norm(centre - points, axis=1)
+    assert prepared.intersector is not None and record.triangle_mesh is not None
+    rays, reached = np.column_stack([points, (centre - points) / distance[:, None]]), np.empty(len(points))
+    hits = no_hits(record, len(points))
+    prepared.intersector.fill_closest(hits, rays)
+    fill_distances(reached, hits, rays, record.geometry)
+    hidden = record.triangle_mesh[hits.triangle[reached < distance]]
+    if names := [scene.object_names[k] for k in glass if (hidden == k).any()]:
+        count = int(np.isin(hidden, glass).sum())
+        warn(
+            f"{count} of {len(points)} particles lie behind glass, which hides them: {', '.join(names[:8])}; remove "
+            "it, or put a window before the lens by pl.optics.window",
+            ImplausibleSceneWarning,
+        )
+
+
+def pixel_area(camera: PlenopticCamera) -> float:
+    """Area of a pixel in mm^2, by which light is divided."""
+    return math.pow(camera.sensor.pixel_pitch, 2)

@@ -1,0 +1,99 @@
+"""Particles in a medium: Beer-Lambert on the way to the first surface, against rendered spheres; colours."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from camera_helpers import bare_camera, the_lens
+
+import plenoptic as pl
+
+BARE = bare_camera(shape=(128, 128), pitch=0.08)
+POINTS = pl.Points([(0.0, 0.0, -404.0), (1.5, 1.0, -380.0), (-2.0, 0.5, -440.0)], intensity=[1e-2, 2e-2, 3e-2])
+
+
+def water(absorption, scattering=0.0):
+    return pl.Scene(medium=pl.materials.Medium(absorption, scattering), points=POINTS)
+
+
+def weights_in(scene, camera=BARE, points=POINTS):
+    return pl.rendering.point_weights(points, camera, scene=scene, rays=1 << 13, progress=False)
+
+
+def test_light_falls_exponentially_with_the_path_to_the_front_of_the_lens():
+    """A small pupil: all rays have nearly the path of the one through its centre, up to the first surface."""
+    lens = the_lens(0.1)
+    camera, point = bare_camera(lens, shape=(128, 128), pitch=0.5), np.array([60.0, -35.0, -404.0])
+    points, loss = pl.Points([point], intensity=1.0), 2e-3
+    clear = weights_in(None, camera, points)
+    dim = weights_in(pl.Scene(points=points, medium=pl.materials.Medium(0.5 * loss, 0.5 * loss)), camera, points)
+    radius, vertex = lens.elements[0].radius, float(lens.vertices[0])
+    towards = np.array([0.0, 0.0, pl.paraxial.cardinal_points(lens, 587.6).entrance_pupil]) - point
+    towards /= np.linalg.norm(towards)
+    from_centre = point - np.array([0.0, 0.0, vertex + radius])
+    b, c = towards @ from_centre, from_centre @ from_centre - radius**2
+    path = -b - math.sqrt(b * b - c)
+    # The pupil's aberration displaces the ray, and its size spreads paths by 0.1 mm * 0.17: below 0.05 mm in all.
+    # The plane in front of the first surface is 1.9 mm before it at this height.
+    assert abs(-math.log(dim.light[0] / clear.light[0]) / loss - path) < 0.05
+    assert (dim.pixel == clear.pixel).all()
+
+
+@pytest.mark.parametrize("model", [pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
+def test_a_small_sphere_in_a_medium_is_rendered_alike(model):
+    camera, centre, radius = bare_camera(the_lens(model=model), shape=(64, 64), pitch=0.3), (10.0, 5.0, -300.0), 2.0
+    medium = pl.materials.Medium((5e-3, 5e-3, 5e-3))
+    points = pl.Points([centre], intensity=3.0 * math.pi * radius**2, diameter=2 * radius)
+    ball = pl.sphere(radius, material=pl.Emissive(3.0)).translated(*centre)
+    shot = pl.render(pl.Scene([ball], medium=medium), camera, samples=1024, progress=False)
+    clear = pl.render(pl.Scene([ball]), camera, samples=1024, progress=False)
+    image, _ = weights_in(pl.Scene(points=points, medium=medium), camera, points).image()
+    bright, _ = weights_in(None, camera, points).image()
+    # Both renders, and both traces, have the same rays. Rays to the sphere end before its centre: by 4 r / (3 pi) .. r.
+    rendered, traced = (
+        math.log(b.sum(dtype=float) / a.sum(dtype=float)) for a, b in ((shot.image, clear.image), (image, bright))
+    )
+    assert 0.005 * 0.5 * radius < traced - rendered < 0.005 * radius, (traced, rendered)
+
+
+def test_colours_of_a_medium_are_those_of_grey_ones():
+    losses = (1e-3, 2e-3, 4e-3)
+    coloured = weights_in(water(losses))
+    image, error = coloured.image()
+    clear = weights_in(None)
+    assert image.shape == (128, 128, 3)
+    for k, loss in enumerate(losses):
+        grey = weights_in(water(0.0, loss))
+        one, one_error = grey.image()
+        assert (coloured.pixel == grey.pixel).all() and (grey.weight < clear.weight).all()
+        assert np.allclose(image[..., k], one[..., 0], rtol=1e-6, atol=0)
+        assert np.allclose(error[..., k], one_error[..., 0], rtol=1e-5, atol=1e-12 * error.max())
+    lines = dataclasses.replace(BARE, sensitivity=pl.sensor.Sensitivity.lines((650.0, 550.0, 450.0)))
+    bright, dim = (weights_in(scene, lines).weight.sum(axis=0, dtype=float) for scene in (None, water(losses)))
+    # Pupils differ little with wavelength; paths from the particles to the lens, 360 to 420 mm, weigh by their light.
+    assert np.allclose(
+        np.log(bright / dim) / losses, -math.log(grey.light.sum() / clear.light.sum()) / losses[2], rtol=2e-2
+    )
+    responses = dataclasses.replace(BARE, sensitivity=pl.sensitivities.colour_camera())
+    bright, dim = (weights_in(scene, responses).weight.sum(axis=0, dtype=float) for scene in (None, water(losses)))
+    red, green, blue = np.log(bright / dim)
+    assert 0.36 < red < green < blue < 1.7
+
+
+def test_renders_in_a_medium_show_particles_and_surfaces():
+    medium = pl.materials.Medium((1e-3, 2e-3, 4e-3))
+    scene = pl.Scene([pl.quad((-50, -50, -450), (100, 0, 0), (0, 100, 0), material=pl.Emissive(0.2))], medium=medium)
+    both, alone = (
+        pl.render(s, BARE, samples=4, progress=False) for s in (dataclasses.replace(scene, points=POINTS), scene)
+    )
+    image, error = weights_of_render(scene)
+    assert np.allclose(both.image, alone.image + image, rtol=1e-6, atol=0)
+    assert np.allclose(both.standard_error, np.hypot(alone.standard_error, error), rtol=1e-6, atol=0)
+    only = pl.render(pl.Scene(points=POINTS, medium=medium), BARE, samples=4, progress=False)
+    assert only.image.shape == (128, 128, 3) and np.allclose(only.image, image, rtol=1e-6, atol=0)
+    assert pl.plan(pl.Scene(points=POINTS, medium=medium), BARE) is not None
+
+
+def weights_of_render(scene):
+    return pl.rendering.point_weights(POINTS, BARE, scene=scene, progress=False).image()
