@@ -95,8 +95,10 @@ def test_plans_and_reports_state_losses():
     camera = camera_with(shape=(32, 32))
     off, on = pl.plan(None, camera), pl.plan(None, coated(camera))
     assert not off.runs(Stage.LOSSES) and off.runs(Stage.UNVIGNETTED_CORE)
-    assert on.runs(Stage.LOSSES) and not on.runs(Stage.UNVIGNETTED_CORE)
-    assert "the lens transmits all light" in repr(off) and "surfaces of the lens take light" in repr(on)
+    assert on.runs(Stage.LOSSES) and on.runs(Stage.UNVIGNETTED_CORE)
+    assert "the lens transmits all light" in repr(off) and "10 surfaces and the glasses take light" in repr(on)
+    several = pl.plan(None, coated(camera_with(shape=(32, 32), focal_lengths=(1.9, 2.0, 2.1))))
+    assert not several.runs(Stage.UNVIGNETTED_CORE) and "and microlenses differ" in repr(several)
     assert not pl.plan(None, coated(dataclasses.replace(camera, lens=GAUSS.with_model(pl.LensModel.THIN)))).runs(
         Stage.LOSSES
     )

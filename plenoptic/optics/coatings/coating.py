@@ -9,22 +9,23 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, check_has, finite, frozen_array, set_field, value, wavelength_in_nm
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    check_has,
+    finite,
+    frozen_array,
+    plain_array,
+    set_field,
+    value,
+    wavelength_in_nm,
+)
 from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.absorption import rising_wavelengths, table_column
 from plenoptic.optics.glass.media import ConstantMedium, Medium, check_medium, wavelength_within
 
 _THICKEST = 1e5
 """Largest thickness of a film in nm: thicker layers are elements with two surfaces, whose light does not interfere."""
-
-
-def _wavelengths(nm: ArrayLike, name: str) -> Floats:
-    """Rising wavelengths in nm, or an error."""
-    checked: Floats = frozen_array(nm, name=name, shape=(None,))
-    for each in checked.tolist():
-        wavelength_in_nm(each, name)
-    if not checked.size or (np.diff(checked) <= 0).any():
-        raise InvalidValueError(f"{name} must rise from each to the next, and there must be at least one")
-    return checked
 
 
 @value
@@ -59,12 +60,10 @@ class FilmMaterial:
 
     def __post_init__(self) -> None:
         if self.wavelengths is not None:
-            set_field(self, "wavelengths", _wavelengths(self.wavelengths, "wavelengths"))
+            set_field(self, "wavelengths", rising_wavelengths(self.wavelengths, "wavelengths"))
         count = 1 if self.wavelengths is None else len(self.wavelengths)
         for name, low in (("index", 1e-6), ("extinction", 0.0)):
-            numbers = getattr(self, name)
-            numbers = np.full(count, numbers) if np.ndim(numbers) == 0 else numbers
-            checked = frozen_array(numbers, name=name, shape=(count,))
+            checked = table_column(getattr(self, name), name, count)
             if not ((checked >= low) & (checked < math.inf)).all():
                 raise InvalidValueError(f"{name} has {checked.min():g}; it must be finite and at least {low:g}")
             set_field(self, name, checked)
@@ -226,7 +225,7 @@ class Reflectance:
 
     def __post_init__(self) -> None:
         if self.wavelengths is not None:
-            set_field(self, "wavelengths", _wavelengths(self.wavelengths, "wavelengths"))
+            set_field(self, "wavelengths", rising_wavelengths(self.wavelengths, "wavelengths"))
         if self.angles is not None:
             angles = frozen_array(self.angles, name="angles", shape=(None,))
             if not angles.size or (np.diff(angles) <= 0).any() or not 0.0 <= angles[0] <= angles[-1] <= math.pi / 2:
@@ -234,7 +233,7 @@ class Reflectance:
             set_field(self, "angles", angles)
         rows = 1 if self.wavelengths is None else len(self.wavelengths)
         columns = 1 if self.angles is None else len(self.angles)
-        table = np.asarray(self.reflectance)
+        table = plain_array(self.reflectance, "reflectance")
         if table.ndim == 0 or table.ndim == (self.wavelengths is not None) + (self.angles is not None) < 2:
             table = np.broadcast_to(table.reshape(-1, 1) if self.angles is None else table, (rows, columns))
         table = frozen_array(table, name="reflectance", shape=(rows, columns))
