@@ -24,6 +24,7 @@ from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram, ray_fan, spot_diagram
 from plenoptic.optics.lens.analysis.transmission import transmission
+from plenoptic.optics.lens.ghosts.ghost_table import GhostTable
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
 from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf
@@ -40,6 +41,7 @@ __all__ = [
     "FieldCurvature",
     "Foci",
     "FocusCriterion",
+    "GhostTable",
     "Mtf",
     "PointSpread",
     "Projection",

@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from plenoptic.core.values import coefficients, finite, positive, set_field, value
+import numpy as np
+
+from plenoptic.core.values import Floats, coefficients, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
@@ -65,6 +67,17 @@ def checked_index(index: float, wavelength: float, medium: str) -> float:
             "correct its coefficients"
         )
     return index
+
+
+def refractive_indices(media: Sequence[Medium], wavelength: float) -> Floats:
+    """Refractive indices of media at a wavelength in nm; an error for one below 1 or not finite."""
+    indices = np.array([float(medium.index(wavelength)) for medium in media])
+    for i in np.flatnonzero(~((indices >= 1.0) & (indices < np.inf))):
+        raise PrescriptionError(
+            f"the medium behind element {i - 1} has the refractive index {indices[i]:g} at {wavelength:g} nm; "
+            "it must be finite and at least 1: use another medium"
+        )
+    return indices
 
 
 def wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:

@@ -140,17 +140,6 @@ def profile_of(element: Element, z: float, points: int) -> Floats:
     return np.stack([sag + z, y], axis=1)
 
 
-def refractive_indices(media: Sequence[Medium], wavelength: float) -> Floats:
-    """Refractive indices of media at a wavelength in nm; an error for one below 1 or not finite."""
-    indices = np.array([float(medium.index(wavelength)) for medium in media])
-    for i in np.flatnonzero(~((indices >= 1.0) & (indices < np.inf))):
-        raise PrescriptionError(
-            f"the medium behind element {i - 1} has the refractive index {indices[i]:g} at {wavelength:g} nm; "
-            "it must be finite and at least 1: use another medium"
-        )
-    return indices
-
-
 def description(elements: Sequence[Element], length: float) -> str:
     """Numbers of surfaces, stops, coatings and elements out of place, and the length in mm, as text."""
     surfaces = [element for element in elements if isinstance(element, Surface)]

@@ -18,7 +18,7 @@ from plenoptic.optics.surfaces.surface import Surface
 if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
 
-_INTERVALS = 512
+INTERVALS = 512
 """Intervals of the cosine. Linear interpolation is within 3e-6 for bare glass up to 60 degrees, 1e-4 up to 85."""
 
 
@@ -44,7 +44,7 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    nm, cosines = np.array(wavelengths)[:, np.newaxis], np.linspace(0.0, 1.0, _INTERVALS + 1)
+    nm, cosines = np.array(wavelengths)[:, np.newaxis], np.linspace(0.0, 1.0, INTERVALS + 1)
     indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
     transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
     for k, element in enumerate(lens.elements):
