@@ -25,6 +25,7 @@ from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, ch
 from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram, ray_fan, spot_diagram
 from plenoptic.optics.lens.analysis.transmission import transmission
 from plenoptic.optics.lens.ghosts.ghost_table import GhostTable
+from plenoptic.optics.lens.ghosts.veiling_glare import VeilingGlare, veiling_glare
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
 from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf
@@ -51,6 +52,7 @@ __all__ = [
     "SpotDiagram",
     "SpreadMethod",
     "ThroughFocus",
+    "VeilingGlare",
     "Vignetting",
     "WaveMtf",
     "WaveSpread",
@@ -77,6 +79,7 @@ __all__ = [
     "spot_diagram",
     "through_focus",
     "transmission",
+    "veiling_glare",
     "vignetting",
     "wave_mtf",
     "wave_spread",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,23 +11,16 @@ from numpy.typing import NDArray
 from plenoptic.core.display import picture_of
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
-from plenoptic.core.values import MAX_POINTS, Floats, finite, result, wavelength_in_nm, whole
+from plenoptic.core.values import MAX_POINTS, Floats, result, whole
 from plenoptic.core.warn import warn
-from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import image_position
+from plenoptic.optics.lens.ghosts.ghost_rays import REPLICATES, Source, covering_rays, ghost_setting, relative_light
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
-from plenoptic.optics.lens.placement import to_lens_axes
-from plenoptic.optics.lens.pupil.object_point import checked_aim, checked_pair, directions_of, field_text
-from plenoptic.optics.surfaces.surface import Surface
+from plenoptic.optics.lens.pupil.object_point import checked_aim, field_text
 
 if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
 
-_REPLICATES = 32
-"""Independent scramblings of the rays, whose differences give the errors."""
-
-_RINGS, _ANGLES = 5, 32
-"""Points on the first element whose projection bounds the light that enters."""
 _SHOWN = 10
 """Rows of a table in its repr."""
 
@@ -121,22 +113,14 @@ class GhostTable:
     _repr_html_ = picture_of
 
 
-def find_ghosts(
-    lens: LensStack, source: tuple[Sequence[float], float, float | None, float], *, sensor: float | None, rays: int
-) -> GhostTable:
+def find_ghosts(lens: LensStack, source: Source, *, sensor: float | None, rays: int) -> GhostTable:
     """Ghosts of a lens; `source` are field, z_object, z_image and wavelength of `LensStack.ghosts`."""
-    reflectance = None if sensor is None else finite(sensor, "sensor")
-    if reflectance is not None and not 0.0 <= reflectance <= 1.0:
-        raise InvalidValueError(f"sensor is {reflectance:g}; its reflectance must be from 0 to 1")
-    field, z_object, z_image, wavelength = checked_pair(source[0], "field"), source[1], source[2], source[3]
-    wavelength = wavelength_in_nm(wavelength)
+    field, z_object, plane, wavelength, reflectance = ghost_setting(lens, source, sensor)
     point = checked_aim(lens, field, z_object, scene=True)
-    plane = image_position(lens, z_object, wavelength) if z_image is None else finite(z_image, "z_image")
-    if not math.isfinite(plane):
-        raise InvalidValueError(f"the object at z = {z_object:g} mm has its image at infinity; give z_image, in mm")
     whole_lens = reflecting_lens(lens, None if reflectance is None else (plane, reflectance))
-    n, each = len(lens.elements), -(-whole(rays, "rays", at_least=1, at_most=MAX_POINTS) // _REPLICATES)
-    beam = entering_rays(lens, point, each, wavelength)
+    n, each = len(lens.elements), -(-whole(rays, "rays", at_least=1, at_most=MAX_POINTS) // REPLICATES)
+    uniform = np.concatenate([sobol_points(each, replicate=k)[:, :2] for k in range(REPLICATES)])
+    beam = covering_rays(lens.elements[0], float(lens.vertices[0]), point, uniform, wavelength)
     pairs, columns = np.array(pairs_of(whole_lens), dtype=np.int64).reshape(-1, 2), []
     light = [reflecting_lens(lens).trace(beam).weight]
     for first, second in pairs.tolist():
@@ -147,7 +131,7 @@ def find_ghosts(
         focus = image_position(stack, z_object + shift, wavelength) - z_end
         light.append(out.weight)
         columns.append((focus, *_centroid_and_radius(out, z_end)))
-    total, errors = _relative_light(light)
+    total, errors = relative_light([*light, sum(light[1:], 0.0 * light[0])])
     energy = total[:-1]
     order = np.argsort(-energy, kind="stable")
     focus, x, y, radius = np.array(columns).reshape(-1, 4)[order].T
@@ -172,20 +156,6 @@ def find_ghosts(
     )
 
 
-def _relative_light(light: Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Light of each ghost and of all over that of the image, the first row, with standard errors; nan without image.
-
-    The error of a ratio of sums: W. G. Cochran, Sampling Techniques, 3rd ed. (Wiley, 1977), section 2.11.
-    """
-    image, *ghosts = (
-        np.sum(rays.reshape(_REPLICATES, -1), axis=1) for rays in (*light, sum(light[1:], 0.0 * light[0]))
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.sum(ghosts, axis=1) / image.sum()
-        residuals = ghosts - relative[:, None] * image
-        return relative, np.sqrt(_REPLICATES / (_REPLICATES - 1) * np.square(residuals).sum(axis=1)) / image.sum()
-
-
 def _centroid_and_radius(rays: RayBundle, z: float) -> tuple[float, float, float]:
     """x, y and RMS radius in mm of the light of a bundle in a plane; nan without light."""
     bright = rays.weight > 0
@@ -194,38 +164,3 @@ def _centroid_and_radius(rays: RayBundle, z: float) -> tuple[float, float, float
     points, weight = rays.selected(bright).at_z(z)[:, :2], rays.weight[bright] / rays.weight.sum()
     x, y = centre = weight @ points
     return float(x), float(y), math.sqrt(float(weight @ np.square(points - centre).sum(axis=1)))
-
-
-def entering_rays(lens: LensStack, point: Floats, each: int, wavelength: float) -> RayBundle:
-    """Rays from a point of `checked_aim` that cover the first element: _REPLICATES times `each`, of equal light.
-
-    Those of an object at infinity are uniform across the beam, those of a finite one over its direction cosines.
-    """
-    vertex = np.array([0.0, 0.0, float(lens.vertices[0])])
-    uniform = np.concatenate([sobol_points(each, replicate=k)[:, :2] for k in range(_REPLICATES)])
-    rim = _first_element_points(lens) + vertex
-    if point.size == 3:
-        cosines = (rim - point) / np.linalg.norm(rim - point, axis=1, keepdims=True)
-        across = _over_box(uniform, cosines[:, :2])
-        forward = np.sqrt(np.maximum(1.0 - np.square(across).sum(axis=1, keepdims=True), 0.0))
-        return RayBundle(np.broadcast_to(point, (len(across), 3)), np.hstack([across, forward]), wavelength)
-    direction = -directions_of(point[None], -1.0)[0]
-    axes = np.linalg.svd(direction[None])[2][1:]  # two unit vectors across the beam
-    return RayBundle(
-        vertex + _over_box(uniform, (rim - vertex) @ axes.T) @ axes, np.tile(direction, (len(uniform), 1)), wavelength
-    )
-
-
-def _over_box(uniform: Floats, points: Floats) -> Floats:
-    """Map points of the unit square to the bounding box of points (n, 2)."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    return np.asarray(low + (high - low) * uniform)
-
-
-def _first_element_points(lens: LensStack) -> Floats:
-    """Points (n, 3) on the first element, relative to its nominal vertex, mm."""
-    first, angle = lens.elements[0], 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    r = first.semi_diameter * np.linspace(0.0, 1.0, _RINGS)[:, None]
-    x, y = (r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()
-    z = first.sag(x, y) if isinstance(first, Surface) else np.zeros_like(x)
-    return to_lens_axes(first.placement, np.column_stack([x, y, z]))
