@@ -14,6 +14,8 @@ import numpy as np
 from plenoptic.camera.gaussian import Cone, neighbour_distance, opening_width, paraxial_cone
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.analysis.transmission import transmission_to
+from plenoptic.optics.lens.loss_record import has_losses
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.modify import coated
 from plenoptic.optics.lens.pupil.iris_points import INSIDE, hexapolar, outermost_finite, square_grid
@@ -163,6 +165,11 @@ def corner_light(lens: LensStack, corner: tuple[float, float], z: float, wavelen
         fractions.append(float(transmission @ light / transmission.sum()) if len(grid) else math.nan)
         angles.append(math.acos(min(1.0, -float(rays.direction[0, 2]))))
     return min(fractions), max(angles)
+
+
+def transmission_on_axis(lens: LensStack, z: float, wavelength: float) -> float | None:
+    """Fraction of the unvignetted light to the point z of the axis that a lens transmits; None without coatings."""
+    return transmission_to(lens, np.array([0.0, 0.0, z]), wavelength, _CORNER_GRID) if has_losses(lens) else None
 
 
 def front_view(lens: LensStack, corner: tuple[float, float], z: float, wavelength: float) -> tuple[float, float]:

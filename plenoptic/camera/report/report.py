@@ -91,6 +91,9 @@ class CameraReport:
     viewpoint_caustic : float or None
         Distance along the axis from the point where chief rays near the axis come together, in that medium, to that of
         the corners, in mm: a plane port has no single viewpoint.
+    transmission : float or None
+        Fraction of the unvignetted light to the centre of the array, or of the sensor, that a lens with coatings
+        transmits; None without coatings.
     wavelength : float
         nm.
     warnings : tuple of CameraFinding
@@ -122,6 +125,7 @@ class CameraReport:
     corner_chief_angle: float = report_row("angle of the chief ray in the corner", "deg", _LENS)
     front_field: float | None = report_row("field in the front medium, corner to corner", "deg", _LENS)
     viewpoint_caustic: float | None = report_row("viewpoints there, from axis to corner", "mm", _LENS)
+    transmission: float | None = report_row("light that surfaces and glasses transmit", "%", _LENS)
     wavelength: float
     warnings: tuple[CameraFinding, ...] = ()
 
@@ -189,6 +193,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         corner_chief_angle=chief_angle,
         front_field=field,
         viewpoint_caustic=caustic,
+        transmission=illumination.transmission_on_axis(lens, z, wavelength),
         wavelength=wavelength,
     )
     return dataclasses.replace(report, warnings=camera_findings(camera, report))

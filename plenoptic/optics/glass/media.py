@@ -69,17 +69,6 @@ def checked_index(index: float, wavelength: float, medium: str) -> float:
     return index
 
 
-def refractive_indices(media: Sequence[Medium], wavelength: float) -> Floats:
-    """Refractive indices of media at a wavelength in nm; an error for one below 1 or not finite."""
-    indices = np.array([float(medium.index(wavelength)) for medium in media])
-    for i in np.flatnonzero(~((indices >= 1.0) & (indices < np.inf))):
-        raise PrescriptionError(
-            f"the medium behind element {i - 1} has the refractive index {indices[i]:g} at {wavelength:g} nm; "
-            "it must be finite and at least 1: use another medium"
-        )
-    return indices
-
-
 def wavelength_within(wavelength: float, limits: tuple[float, float], medium: str) -> float:
     """A wavelength in nm, or an error if it lies outside of the range of a medium."""
     number = finite(wavelength, "wavelength")
@@ -131,6 +120,17 @@ def set_limits(medium: Medium, limits: Sequence[float]) -> None:
         except InvalidValueError as error:
             last_error = error
     raise last_error
+
+
+def refractive_indices(media: Sequence[Medium], wavelength: float) -> Floats:
+    """Refractive indices of media at a wavelength in nm; an error for one below 1 or not finite."""
+    indices = np.array([float(medium.index(wavelength)) for medium in media])
+    for i in np.flatnonzero(~((indices >= 1.0) & (indices < np.inf))):
+        raise PrescriptionError(
+            f"the medium behind element {i - 1} has the refractive index {indices[i]:g} at {wavelength:g} nm; "
+            "it must be finite and at least 1: use another medium"
+        )
+    return indices
 
 
 def abbe_number(medium: Medium) -> float:

@@ -18,20 +18,26 @@ from plenoptic.optics.surfaces.surface import Surface
 if TYPE_CHECKING:
     from plenoptic.optics.lens.stack import LensStack
 
-INTERVALS = 512
-"""Intervals of the cosine. Linear interpolation is within 3e-6 for bare glass up to 60 degrees, 1e-4 up to 85."""
+_INTERVALS = 1024
+"""Intervals of the squared cosine, which needs no square root. Linear interpolation is within 3e-7 for bare glass up to
+60 degrees, 5e-6 up to 75, 2e-4 up to 85."""
 
 
 class LossRecord(NamedTuple):
     """Losses of the elements of a `LensRecord`, in the order of travel, at its wavelengths."""
 
     transmittance: Floats
-    """(n, wavelengths, nodes) for unpolarised light, at uniform cosines from 0 to 1 in the medium of lower index; 1 for
-    stops."""
+    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index, from 0
+    to 1; 1 for stops."""
     attenuation: Floats | None
     """(n, wavelengths) attenuation coefficient in 1/mm in front of each element, 0 for the first; None if all are 0."""
     absorbing: NDArray[np.bool_] | None
     """(n,) True if it is not 0."""
+
+
+def table_cosines() -> Floats:
+    """Rising cosines of the angles at which tables are computed."""
+    return np.sqrt(np.linspace(0.0, 1.0, _INTERVALS + 1))
 
 
 def has_losses(lens: LensStack) -> bool:
@@ -44,7 +50,7 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    nm, cosines = np.array(wavelengths)[:, np.newaxis], np.linspace(0.0, 1.0, INTERVALS + 1)
+    nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
     indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
     transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
     for k, element in enumerate(lens.elements):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from plenoptic.camera.assembly import assembly
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.sampling.region_bounds import bounds_reason, no_core_reason
+from plenoptic.optics.lens.loss_record import has_losses
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import ApertureShape, Gaps, Walls
 from plenoptic.optics.microlens.array import MicrolensArray
@@ -127,12 +128,15 @@ def _lens(camera: PlenopticCamera) -> list[Decision]:
     spheres, aspheres = "all surfaces are spheres or planes", _count(shaped, "conic or aspheric surface")
     odd_stops = f"{_count(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
     centred, displaced = "all elements are centred", f"{_count(moved, 'element')} out of place"
+    uncoated = "no surface has a coating: the lens transmits all light"
+    taking = f"{_count(len(surfaces), 'surface')} and the glasses take light"
     in_place, astray = "it stands as designed", "its axes are not the camera's"
     return [
         decide(Stage.LENS, elements if exact else ideal),
         decide(Stage.ASPHERES, exact, ideal, shaped, spheres, aspheres),
         decide(Stage.PLACEMENTS, exact, ideal, moved, centred, displaced),
         decide(Stage.SHAPED_STOPS, stops, "all stops are round", odd_stops),
+        decide(Stage.LOSSES, exact, ideal, has_losses(lens), uncoated, taking),
         decide(Stage.DISPLACED_LENS, camera.lens_placement is not None, in_place, astray),
         decide(Stage.POSE, camera.pose is not None, "the world is the camera's frame", "posed"),
     ]

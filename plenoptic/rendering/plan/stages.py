@@ -47,30 +47,31 @@ class Stage(enum.IntEnum):
     ASPHERES = 17
     PLACEMENTS = 18
     SHAPED_STOPS = 19
-    DISPLACED_LENS = 20
-    POSE = 21
-    SHUTTER = 22
-    INTERSECTION = 23
-    INSTANCES = 24
-    OPACITY = 25
-    EMISSION = 26
-    BACKGROUND = 27
-    SCATTERING = 28
-    MATERIALS = 29
-    ABSORPTION = 30
-    MEDIA = 31
-    DIRECT_LIGHT = 32
-    ONWARD_RAYS = 33
-    RUSSIAN_ROULETTE = 34
-    VERTEX_NORMALS = 35
-    NORMAL_MAPS = 36
-    TEXTURES = 37
-    COLOUR = 38
-    CAUSTICS_APART = 39
-    CLAMPING = 40
-    TRUTH = 41
-    STANDARD_ERROR = 42
-    RARE_LIGHT = 43
+    LOSSES = 20
+    DISPLACED_LENS = 21
+    POSE = 22
+    SHUTTER = 23
+    INTERSECTION = 24
+    INSTANCES = 25
+    OPACITY = 26
+    EMISSION = 27
+    BACKGROUND = 28
+    SCATTERING = 29
+    MATERIALS = 30
+    ABSORPTION = 31
+    MEDIA = 32
+    DIRECT_LIGHT = 33
+    ONWARD_RAYS = 34
+    RUSSIAN_ROULETTE = 35
+    VERTEX_NORMALS = 36
+    NORMAL_MAPS = 37
+    TEXTURES = 38
+    COLOUR = 39
+    CAUSTICS_APART = 40
+    CLAMPING = 41
+    TRUTH = 42
+    STANDARD_ERROR = 43
+    RARE_LIGHT = 44
 
 
 @value
@@ -81,7 +82,7 @@ class Decision:
     --------
     >>> import plenoptic as pl
     >>> pl.rendering.Decision(pl.rendering.Stage.POSE, runs=False, reason="not posed")
-    Decision(stage=<Stage.POSE: 21>, runs=False, reason='not posed')
+    Decision(stage=<Stage.POSE: 22>, runs=False, reason='not posed')
     """
 
     stage: Stage

@@ -136,6 +136,7 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
     Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
     Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
+    Stage.LOSSES: ("a lens that transmits all light", _camera(camera_ablation.without_coatings)),
     Stage.DISPLACED_LENS: ("the lens as designed", _set("camera.lens_placement", None)),
     Stage.POSE: ("the scene in the camera's frame", _without_pose),
     Stage.SHUTTER: ("an instant", _set("camera.shutter", None)),

@@ -11,6 +11,7 @@ from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.modify import coated
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
@@ -96,6 +97,11 @@ def without_aspheres(camera: PlenopticCamera) -> PlenopticCamera:
 def without_placements(camera: PlenopticCamera) -> PlenopticCamera:
     """All elements of the lens centred."""
     return _with_elements(camera, [dataclasses.replace(e, placement=None) for e in camera.lens.elements])
+
+
+def without_coatings(camera: PlenopticCamera) -> PlenopticCamera:
+    """The lens without coatings and, thereby, without losses."""
+    return dataclasses.replace(camera, lens=coated(camera.lens, None))
 
 
 def with_round_stops(camera: PlenopticCamera) -> PlenopticCamera:

@@ -13,28 +13,44 @@ from plenoptic.optics.lens.kernels.mirror import normal_at
 
 
 @device
-def weaken(ray, lens, k, waves, first, index_ratios):
+def weaken(ray, lens, k, waves, first, index_ratios, places):
     """Multiply weights by the transmittance of the surface in row k, whose vertex is the origin, behind refraction.
 
-    Tables go by the cosine in the medium of the lower index: that of the refracted ray, or by Snell's law that of the
-    incident one. Lost rays, whose numbers may be nan, take a cosine of 0.
+    Tables go by the squared cosine in the medium of the lower index: that of the refracted ray, or by Snell's law that
+    of the incident one. Lost rays, whose numbers may be nan, take a cosine of 0. `places` (BLOCK,) is a workspace: several
+    short loops are vectorised, one long loop is not.
     """
     row = lens.rows[k]
-    if row.kind == SPHERE or row.kind == CONIC or row.kind == ASPHERE or row.kind == FREEFORM:
-        table = lens.losses.transmittance[k]
-        last = table.shape[1] - 1
+    if row.kind == SPHERE:
+        c = row.curvature
+        for i in range(BLOCK):
+            l, m, n = ray[L + i], ray[M + i], ray[N + i]
+            projection = n - c * (ray[X + i] * l + ray[Y + i] * m + ray[Z + i] * n)
+            places[i] = projection * projection
+    elif row.kind == CONIC or row.kind == ASPHERE or row.kind == FREEFORM:
         for i in range(BLOCK):
             nx, ny, nz = normal_at(ray[X + i], ray[Y + i], ray[Z + i], lens, k)
             projection = nx * ray[L + i] + ny * ray[M + i] + nz * ray[N + i]
-            cos2 = projection * projection / (nx * nx + ny * ny + nz * nz)
-            mu = row.index_ratio if index_ratios is None else index_ratios[i]
-            cos2 = cos2 if mu >= 1.0 else 1.0 - (1.0 - cos2) / (mu * mu)
-            cos2 = cos2 if cos2 > 0.0 else 0.0
-            at = math.sqrt(min(cos2, 1.0)) * last
-            node = min(np.uint32(at), np.uint32(last - 1))
-            wave = np.uint32(0) if waves is None else np.uint32(waves[first + i])
+            places[i] = projection * projection / (nx * nx + ny * ny + nz * nz)
+    else:
+        return
+    table = lens.losses.transmittance[k]
+    intervals = table.shape[1] - 1
+    for i in range(BLOCK):
+        mu = row.index_ratio if index_ratios is None else index_ratios[i]
+        cos2 = places[i] if mu >= 1.0 else 1.0 - (1.0 - places[i]) * (1.0 / (mu * mu))
+        places[i] = min(cos2 if cos2 > 0.0 else 0.0, 1.0) * intervals
+    if waves is None:
+        column = table[0]
+        for i in range(BLOCK):
+            node = min(np.int32(places[i]), np.int32(intervals - 1))
+            low = column[node]
+            ray[WEIGHT + i] *= low + (places[i] - node) * (column[node + np.int32(1)] - low)
+    else:
+        for i in range(BLOCK):
+            node, wave = min(np.int32(places[i]), np.int32(intervals - 1)), waves[first + i]
             low = table[wave, node]
-            ray[WEIGHT + i] *= low + (at - node) * (table[wave, node + np.uint32(1)] - low)
+            ray[WEIGHT + i] *= low + (places[i] - node) * (table[wave, node + np.int32(1)] - low)
 
 
 @device

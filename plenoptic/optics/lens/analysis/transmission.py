@@ -139,10 +139,17 @@ def transmission(
     points = trace_past_rims(exact, chief_rays(exact, radii, z_object, nm)).at_z(z_image)
     fractions = np.empty(len(radii))
     for i, point in enumerate(points):
-        rays = light_directions(exact, point, cells, nm)
-        if rays is None:
+        fractions[i] = transmission_to(exact, point, nm, cells)
+        if math.isnan(fractions[i]):
             unit = "rad" if math.isinf(z_object) else "mm"
             raise InvalidValueError(f"no light of the field {radii[i]:g} {unit} passes {lens.name or 'the lens'}")
-        balance = light_balance(exact, rays, reverse=True)
-        fractions[i] = balance.transmitted.sum() / balance.rays.weight.sum()
     return fractions
+
+
+def transmission_to(lens: LensStack, point: Floats, wavelength: float, cells: int) -> float:
+    """Fraction of the unvignetted light to a point (3,) behind a lens that it transmits; nan if there is none."""
+    rays = light_directions(lens, point, cells, wavelength)
+    if rays is None:
+        return math.nan
+    balance = light_balance(lens, rays, reverse=True)
+    return float(balance.transmitted.sum() / balance.rays.weight.sum())

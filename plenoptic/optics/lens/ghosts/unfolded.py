@@ -12,7 +12,7 @@ from plenoptic.optics.coatings.coating import Coating, Reflectance
 from plenoptic.optics.coatings.surface_powers import surface_powers
 from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.elements import Element
-from plenoptic.optics.lens.loss_record import INTERVALS
+from plenoptic.optics.lens.loss_record import table_cosines
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.surfaces.mirror import MIRROR, Mirror
@@ -85,7 +85,7 @@ def pairs_of(lens: LensStack) -> list[tuple[int, int]]:
 def _reflector(element: Element, gap: float, media: tuple[Medium, ...], wavelengths: tuple[float, ...]) -> Surface:
     """The surface as a mirror in the first of two media, with the reflectance that it has between both."""
     assert isinstance(element, Surface)
-    cosines = np.linspace(1.0, 0.0, INTERVALS + 1)  # the nodes at which tracing interpolates
+    cosines = table_cosines()[::-1]  # tracing interpolates between the same
     n_from, n_to = (np.array([[medium.index(nm)] for nm in wavelengths]) for medium in media)
     table = surface_powers(element.coating, n_from, n_to, cosines, np.array(wavelengths)[:, None]).reflectance
     # Rounding may leave more than 1 above the critical angle.

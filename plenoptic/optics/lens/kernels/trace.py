@@ -80,7 +80,8 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
     the block. `index_ratios` (BLOCK,) is then a buffer. With `probes` (elements, PROBE_ROWS, BLOCK), the conditioning
     is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights are what surfaces transmit.
     """
-    if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
+    if lens.losses is not None:
+        places = np.empty(BLOCK)
         if lens.losses.attenuation is not None:
             gap_start = np.empty((7, BLOCK))
             begin_depth(gap_start)
@@ -143,7 +144,7 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
         if lens.losses is not None:
-            weaken(ray, lens, k, waves, first, index_ratios)
+            weaken(ray, lens, k, waves, first, index_ratios, places)
         if probes is not None:
             _record_element(probes, incident, ray, lens, k, index_ratios)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
