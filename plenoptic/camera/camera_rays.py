@@ -64,7 +64,8 @@ class CameraRays:
         self._fill_samples = camera_samples.fill_camera_samples.specialize()
         self._trace_lens = fill_through_lens.specialize()
         self.core = np.empty(blocks * RAY) if illuminated.has_core else None
-        """Aimed rays through the unvignetted core, the control variate; None without one."""
+        """Aimed rays through the unvignetted core, the control variate; None without one. They are traced
+        through lenses with losses only, to know these."""
         self.lenslets = camera.lenslet_parameters(blocks * BLOCK)
         """Lenslet parameters of each ray; None if all microlenses are alike."""
         self.waves: NDArray[np.int64] | None = None
@@ -74,6 +75,7 @@ class CameraRays:
         if camera.colour is not None and camera.dispersed is not None:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
             self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
+        assert self.core is None or self.lens.losses is None or self.lenslets is None
         self._distant = None if illuminated.sources is None else np.empty(capacity, dtype=np.int64)
         self.kernel_rows = None if illuminated.kernel is None else np.empty(capacity, dtype=np.int64)
         """Row of the `KernelTable` of each ray; None without a diffraction kernel."""
@@ -109,7 +111,10 @@ class CameraRays:
         if self.core is not None:
             core = self.core[: bundle.size]
             fill_losses_before_array(core, sensor.plane, sensor.response, ())
-            to_lens.fill_weights(core, sensor.plane)
+            if self.lens.losses is None:
+                to_lens.fill_weights(core, sensor.plane)
+            else:
+                fill_through_array(core, None, self._camera)
 
     def fill_iris_deflections(self, bundle: Floats, start: int, n: int) -> None:
         """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
@@ -126,6 +131,8 @@ class CameraRays:
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         self._scale_radiance(bundle)
         if self.core is not None:
+            if self.lens.losses is not None:
+                self._trace_lens(self.core[: bundle.size], self.lens, self.waves)
             self._scale_radiance(self.core[: bundle.size])
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)
             weights[:, WEIGHT // BLOCK] += core[:, WEIGHT // BLOCK]

@@ -38,7 +38,8 @@ def furnished_camera():
     dust = pl.Blemishes.scattered(pl.BlemishSite.SENSOR, half_size=half_size, dust_per_mm2=4.0)
     first, *following = plain.lens.elements
     lens = dataclasses.replace(
-        plain.lens, elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9)), *following]
+        plain.lens,
+        elements=[dataclasses.replace(first, aspheric=(0.0, 1e-9), coating=pl.optics.SingleLayer()), *following],
     ).with_stop(pl.PolygonStop(blades=6, semi_diameter=5.0))
     camera = dataclasses.replace(
         plain, lens=lens.moved(3, shift=(0.02, 0.0, 0.0)), microlenses=array, sensor=sensor,

@@ -142,8 +142,6 @@ def no_core_reason(camera: PlenopticCamera) -> str:
     array, parts, lens = camera.microlenses, assembly(camera), openings(camera.lens, camera.wavelength)
     if any(map(len, camera.blemishes)):
         return "dust stops light"
-    if has_losses(camera.lens):
-        return "surfaces of the lens take light"
     if not lens.exact.all():
         return "an opening is no circle and no polygon"
     if camera.sensitivity is not None:
@@ -152,6 +150,9 @@ def no_core_reason(camera: PlenopticCamera) -> str:
         is_round = np.isfinite(lens.semi_diameter2).sum() == 1 and not lens.edges.size
         is_ellipse = is_round and camera.lens.model is not LensModel.EXACT
         return "each point sees an ellipse, in which no path is lost" if is_ellipse else ""
+    differs = len(array.focal_lengths) > 1 or array.imperfections is not None or array.lattice is Lattice.FREE
+    if has_losses(camera.lens) and differs:
+        return "the light that the lens takes is traced, and microlenses differ"
     if array.is_plate:
         return "plates displace rays before their rims stop them"
     if array.walls is Walls.OPAQUE:

@@ -11,20 +11,10 @@ from numpy.typing import ArrayLike
 
 from plenoptic.core.values import Floats, Given, check_has, finite, frozen_array, set_field, value, wavelength_in_nm
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import ConstantMedium, Medium, check_medium, wavelength_within
+from plenoptic.optics.glass.media import ConstantMedium, Medium, check_medium, rising_wavelengths, wavelength_within
 
 _THICKEST = 1e5
 """Largest thickness of a film in nm: thicker layers are elements with two surfaces, whose light does not interfere."""
-
-
-def _wavelengths(nm: ArrayLike, name: str) -> Floats:
-    """Rising wavelengths in nm, or an error."""
-    checked: Floats = frozen_array(nm, name=name, shape=(None,))
-    for each in checked.tolist():
-        wavelength_in_nm(each, name)
-    if not checked.size or (np.diff(checked) <= 0).any():
-        raise InvalidValueError(f"{name} must rise from each to the next, and there must be at least one")
-    return checked
 
 
 @value
@@ -59,7 +49,7 @@ class FilmMaterial:
 
     def __post_init__(self) -> None:
         if self.wavelengths is not None:
-            set_field(self, "wavelengths", _wavelengths(self.wavelengths, "wavelengths"))
+            set_field(self, "wavelengths", rising_wavelengths(self.wavelengths, "wavelengths"))
         count = 1 if self.wavelengths is None else len(self.wavelengths)
         for name, low in (("index", 1e-6), ("extinction", 0.0)):
             numbers = getattr(self, name)
@@ -226,7 +216,7 @@ class Reflectance:
 
     def __post_init__(self) -> None:
         if self.wavelengths is not None:
-            set_field(self, "wavelengths", _wavelengths(self.wavelengths, "wavelengths"))
+            set_field(self, "wavelengths", rising_wavelengths(self.wavelengths, "wavelengths"))
         if self.angles is not None:
             angles = frozen_array(self.angles, name="angles", shape=(None,))
             if not angles.size or (np.diff(angles) <= 0).any() or not 0.0 <= angles[0] <= angles[-1] <= math.pi / 2:

@@ -70,11 +70,11 @@ def _powers(
     with np.errstate(invalid="ignore", divide="ignore"):
         reflection, transmission = _interface(admittance[-2], last)
         for j in range(len(phases) - 1, -1, -1):
-            here, passing = _interface(admittance[j], admittance[j + 1])
+            front, entering = _interface(admittance[j], admittance[j + 1])
             phase = np.exp(1j * phases[j] * normal[j])
-            resonance = 1.0 + here * reflection * phase * phase
-            reflection = (here + reflection * phase * phase) / resonance
-            transmission = passing * (admittance[j + 1] * transmission) * phase / resonance
+            resonance = 1.0 + front * reflection * phase * phase
+            reflection = (front + reflection * phase * phase) / resonance
+            transmission = entering * (admittance[j + 1] * transmission) * phase / resonance
         reflectance = np.square(np.abs(reflection))
         transmittance = first * last.real * np.square(np.abs(transmission))
     # Admittances of grazing light between media of one index are 0 / 0: there is no interface.

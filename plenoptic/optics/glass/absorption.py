@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, frozen_array, not_negative, set_field, value, wavelength_in_nm
+from plenoptic.core.values import Floats, Given, frozen_array, not_negative, set_field, value
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import Medium, check_medium, wavelength_within
+from plenoptic.optics.glass.media import Medium, check_medium, rising_wavelengths, wavelength_within
 
 _DARKEST = 1e-12
 """Transmittance that stands for 0 in a table, whose logarithm is finite."""
@@ -53,11 +53,7 @@ class AbsorbingGlass:
 
     def __post_init__(self) -> None:
         check_medium(self.medium, "medium")
-        nm = frozen_array(self.wavelengths, name="wavelengths", shape=(None,))
-        for each in nm.tolist():
-            wavelength_in_nm(each, "wavelengths")
-        if not nm.size or (np.diff(nm) <= 0).any():
-            raise InvalidValueError("wavelengths must rise from each to the next, and there must be at least one")
+        nm = rising_wavelengths(self.wavelengths, "wavelengths")
         set_field(self, "wavelengths", nm)
         passed = frozen_array(self.transmittance, name="transmittance", shape=nm.shape)
         if not ((passed >= 0.0) & (passed <= 1.0)).all():

@@ -27,8 +27,8 @@ class LossRecord(NamedTuple):
     """Losses of the elements of a `LensRecord`, in the order of travel, at its wavelengths."""
 
     transmittance: Floats
-    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index, from 0
-    to 1; 1 for stops."""
+    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index; 1
+    for stops."""
     attenuation: Floats | None
     """(n, wavelengths) attenuation coefficient in 1/mm in front of each element, 0 for the first; None if all are 0."""
     absorbing: NDArray[np.bool_] | None

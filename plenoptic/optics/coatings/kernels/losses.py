@@ -17,8 +17,8 @@ def weaken(ray, lens, k, waves, first, index_ratios, places):
     """Multiply weights by the transmittance of the surface in row k, whose vertex is the origin, behind refraction.
 
     Tables go by the squared cosine in the medium of the lower index: that of the refracted ray, or by Snell's law that
-    of the incident one. Lost rays, whose numbers may be nan, take a cosine of 0. `places` (BLOCK,) is a workspace: several
-    short loops are vectorised, one long loop is not.
+    of the incident one. Lost rays, whose numbers may be nan, take a cosine of 0. `places` (BLOCK,) is a workspace:
+    several short loops are vectorised, one long loop is not.
     """
     row = lens.rows[k]
     if row.kind == SPHERE:

@@ -123,8 +123,9 @@ def transmission(
 
     Notes
     -----
-    Light is taken as unpolarised in front of each surface. Behind the first tilted surface it is partly polarised; with
-    that included, transmissions of the bundled lenses change by at most 1.9 %.
+    Light is taken as unpolarised in front of each surface. Behind a tilted one it is partly polarised, and loses less
+    at the next: with polarised transport, transmissions of the bundled lenses are higher, on their axes by at most
+    2.0 % if they are bare and 0.05 % with a single layer, at 0.95 of their largest fields by at most 7.2 % and 1.3 %.
 
     Examples
     --------

@@ -1,0 +1,117 @@
+"""Images of lenses with coatings: a constant factor in closed form, the transmission of the lens, plans and reports."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from camera_helpers import GAUSS, bare_camera, camera_with, total, white
+
+import plenoptic as pl
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.optics.lens.analysis.transmission import light_balance, transmission_to
+from plenoptic.rendering import Stage
+
+HALF_PERCENT, SINGLE = pl.optics.Reflectance(0.005), pl.optics.SingleLayer()
+TWICE = 0.995**2
+SINGLET = pl.load_lens("singlet-100mm-f4")
+SKY = pl.Scene(background=1.0)
+
+
+def coated(camera, coating=SINGLE):
+    return dataclasses.replace(camera, lens=pl.optics.coated(camera.lens, coating))
+
+
+def sky(camera, samples=16):
+    return pl.render(SKY, camera, samples=samples, progress=False)
+
+
+CAMERAS = {
+    "bare sensor": bare_camera(SINGLET, z=110.0, shape=(12, 16), pitch=0.1),
+    "microlenses": camera_with(lens=SINGLET, shape=(24, 24), to_array=110.0),
+    "colours": dataclasses.replace(
+        camera_with(lens=SINGLET, shape=(24, 24), to_array=110.0),
+        sensitivity=pl.sensor.Sensitivity([450.0, 550.0, 600.0]),
+    ),
+}
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_a_constant_reflectance_is_a_factor(camera):
+    """Paths are the same; each loses 0.5 % at two surfaces. Images are float32."""
+    plain, weak = sky(camera), sky(coated(camera, HALF_PERCENT))
+    assert plain.image.max() > 0
+    np.testing.assert_allclose(weak.image, TWICE * plain.image, rtol=1e-6)
+    np.testing.assert_allclose(weak.standard_error, TWICE * plain.standard_error, rtol=2e-3, atol=1e-9)
+
+
+def test_colours_lose_what_their_wavelength_loses():
+    colours = dataclasses.replace(CAMERAS["colours"], sensitivity=pl.sensor.Sensitivity([450.0]))
+    table = pl.optics.Reflectance([0.1, 0.3], wavelengths=[400.0, 700.0])
+    plain, weak = sky(colours), sky(coated(colours, table))
+    expected = (0.9 - 0.2 * 50.0 / 300.0) ** 2
+    np.testing.assert_allclose(weak.image, expected * plain.image, rtol=1e-6)
+
+
+def test_forward_images_lose_the_same():
+    camera, point = CAMERAS["microlenses"], [(0.0, 0.0, -1100.0)]
+    on = coated(camera, HALF_PERCENT)
+    plain, weak = (pl.point_spread(each, point, rays=1 << 14, progress=False) for each in (camera, on))
+    assert float(weak.light[0]) == pytest.approx(TWICE * float(plain.light[0]), rel=1e-12)
+    particles = pl.Scene(points=pl.Points([(0.1, 0.0, -1100.0)], intensity=1.0))
+    plain, weak = (pl.render(particles, each, samples=4, progress=False).image for each in (camera, on))
+    assert plain.max() > 0
+    np.testing.assert_allclose(weak, TWICE * plain, rtol=1e-6)
+
+
+@pytest.mark.parametrize("coating", [pl.optics.Coating(), SINGLE], ids=["bare", "single layer"])
+def test_a_uniform_scene_is_the_transmission_of_the_lens(coating):
+    """Sums over a region around one image point, so small that its transmission is that of the point."""
+    camera = bare_camera(GAUSS, z=113.6, shape=(40, 48), pitch=0.4)
+    on = coated(camera, coating)
+    for row in (20, 3):
+        region, y = (slice(row, row + 1), slice(23, 25)), 0.4 * (19.5 - row)
+        (ideal, ideal_error), (light, error) = (total(white(each, 4096, region=region)) for each in (camera, on))
+        expected = transmission_to(on.lens, np.array([0.0, y, 113.6]), 587.6, 96)
+        z = (light / ideal - expected) / math.hypot(error / ideal, light * ideal_error / ideal**2)
+        assert abs(z) < 4, (row, z, light / ideal, expected)
+        assert error < 2e-3 * light and expected < 0.97
+
+
+def test_all_light_of_the_sensor_is_accounted_for():
+    """Rays of a pixel through the lens: transmitted, reflected, absorbed and vignetted light sum to 1 for each."""
+    metallic = pl.optics.Coating([(pl.optics.FilmMaterial(3.18, 3.33), 1.0)])
+    lens = pl.optics.coated(GAUSS, metallic)
+    random = np.random.default_rng(3)
+    start = np.tile([6.0, -3.0, 113.6], (400, 1))
+    aims = np.column_stack([random.uniform(-40.0, 40.0, (400, 2)), np.full(400, lens.vertices[-1])])
+    balance = light_balance(lens, pl.RayBundle(start, aims - start), reverse=True)
+    parts = np.stack(balance[:4])
+    np.testing.assert_allclose(parts.sum(axis=0), 1.0, atol=1e-12)
+    assert (parts.max(axis=1) > [0.1, 0.2, 0.5, 0.9]).all() and parts.min() > -1e-12
+
+
+def test_plans_and_reports_state_losses():
+    camera = camera_with(shape=(32, 32))
+    off, on = pl.plan(None, camera), pl.plan(None, coated(camera))
+    assert not off.runs(Stage.LOSSES) and off.runs(Stage.UNVIGNETTED_CORE)
+    assert on.runs(Stage.LOSSES) and on.runs(Stage.UNVIGNETTED_CORE)
+    assert "the lens transmits all light" in repr(off) and "10 surfaces and the glasses take light" in repr(on)
+    several = pl.plan(None, coated(camera_with(shape=(32, 32), focal_lengths=(1.9, 2.0, 2.1))))
+    assert not several.runs(Stage.UNVIGNETTED_CORE) and "and microlenses differ" in repr(several)
+    assert not pl.plan(None, coated(dataclasses.replace(camera, lens=GAUSS.with_model(pl.LensModel.THIN)))).runs(
+        Stage.LOSSES
+    )
+    assert camera.report().transmission is None
+    report = coated(camera).report()
+    assert report.transmission == pytest.approx(coated(camera).lens.transmission(), abs=0.01)
+    assert f"{100 * report.transmission:.6g} %" in repr(report)
+    assert report.corner_pupil_fraction == camera.report().corner_pupil_fraction
+    assert camera_record(camera).lens.losses is None and camera_record(coated(camera)).lens.losses is not None
+
+
+def test_replays_have_the_weight_of_their_path():
+    camera = CAMERAS["microlenses"]
+    shots = [sky(each, samples=4) for each in (camera, coated(camera, HALF_PERCENT))]
+    plain, weak = (pl.replay(shot, SKY, pixel=(11, 12), sample=1) for shot in shots)
+    assert weak.weight == pytest.approx(TWICE * plain.weight, rel=1e-12)
