@@ -287,7 +287,7 @@ def plot_ghosts(ghosts: GhostTable, ax: Axes | None = None) -> Axes:
         name = ghosts.names[lit[k]]
         ax.annotate(name, (radius[k], energy[k]), (5, 3), textcoords="offset points", fontsize="small")
     ax.figure.colorbar(points, ax=ax, label="focus behind the image plane / mm", extend="both")
-    title = f"{literal(ghosts.lens.name or 'lens')}, {field_label(ghosts.field, ghosts.z_object)}: "
+    title = f"{literal(ghosts.lens.name or 'lens')}, {field_label(ghosts.field, ghosts.z_object)}\n"
     ax.set(
         xlabel="RMS radius / mm",
         ylabel="light over that of the image",

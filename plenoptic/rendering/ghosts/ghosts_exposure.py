@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.ghost_rays import ghost_lens, opening_camera
+from plenoptic.camera.ghost_camera import ghost_lens, opening_camera
 from plenoptic.errors import PlenopticWarning
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.schedule.budget import Budget

@@ -13,6 +13,7 @@ from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.ghost_camera import GhostLens
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
@@ -72,6 +73,7 @@ class Stage(enum.IntEnum):
     TRUTH = 42
     STANDARD_ERROR = 43
     RARE_LIGHT = 44
+    GHOSTS = 45
 
 
 @value
@@ -105,6 +107,8 @@ class Subject:
     replicates: int = 2
     truth: Truth = Truth.DEPTH
     settings: RenderSettings = RenderSettings()
+    ghosts: GhostLens | None = None
+    """Lens whose ghosts are rendered through `camera`, that of `opening_camera`; None: the image of the camera."""
 
     @property
     def prepared(self) -> PreparedScene | None:

@@ -11,6 +11,7 @@ import numpy as np
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, finite, number, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.coatings.surface_powers import checked_reflectance
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.gaussian.paraxial import image_position
 from plenoptic.optics.lens.placement import to_lens_axes
@@ -43,9 +44,7 @@ class GhostSetting(NamedTuple):
 
 def ghost_setting(lens: LensStack, source: Source, sensor: float | None) -> GhostSetting:
     """Checked arguments; z_image is that of the paraxial image unless given."""
-    reflectance = None if sensor is None else finite(sensor, "sensor")
-    if reflectance is not None and not 0.0 <= reflectance <= 1.0:
-        raise InvalidValueError(f"sensor is {reflectance:g}; its reflectance must be from 0 to 1")
+    reflectance = None if sensor is None else checked_reflectance(sensor, "sensor")
     field, z_object, z_image, nm = source
     z, wavelength = number(z_object, "z_object"), wavelength_in_nm(nm)
     plane = image_position(lens, z, wavelength) if z_image is None else finite(z_image, "z_image")
@@ -61,7 +60,7 @@ def covering_rays(element: Element, z: float, point: Floats, uniform: Floats, wa
     the beam, those of another point uniform over its direction cosines.
     """
     vertex = np.array([0.0, 0.0, z])
-    rim = _points_on(element) + vertex
+    rim = points_on(element) + vertex
     if point.size == 3:
         cosines = (rim - point) / np.linalg.norm(rim - point, axis=1, keepdims=True)
         across = _over_box(uniform, cosines[:, :2])
@@ -81,7 +80,7 @@ def _over_box(uniform: Floats, points: Floats) -> Floats:
     return np.asarray(low + (high - low) * (uniform + _MARGIN * (2.0 * uniform - 1.0)))
 
 
-def _points_on(element: Element) -> Floats:
+def points_on(element: Element) -> Floats:
     """Points (n, 3) on an element, relative to its nominal vertex, mm."""
     angle = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
     r = element.semi_diameter * np.linspace(0.0, 1.0, _RINGS)[:, None]

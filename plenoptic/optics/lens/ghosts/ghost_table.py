@@ -57,9 +57,9 @@ class GhostTable:
     >>> pl.load_lens("singlet-100mm-f4").ghosts(sensor=0.3)
     <GhostTable: 3 pairs of 'singlet-100mm-f4', (0, 0) rad, 587.6 nm, 0.026 of the image light>
           pair     energy  focus / mm  RMS radius / mm
-      sensor-2   1.26e-02      -193.4             17.5
-      sensor-1   1.16e-02      -79.47            41.33
-           2-1   1.78e-03      -85.59            67.17
+      sensor-2   1.26e-02      -193.4            17.48
+      sensor-1   1.16e-02      -79.47            41.28
+           2-1   1.78e-03      -85.59            67.05
     """
 
     first: NDArray[np.int64]
