@@ -9,9 +9,20 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, check_has, finite, frozen_array, set_field, value, wavelength_in_nm
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    check_has,
+    finite,
+    frozen_array,
+    plain_array,
+    set_field,
+    value,
+    wavelength_in_nm,
+)
 from plenoptic.errors import InvalidValueError, PrescriptionError
-from plenoptic.optics.glass.media import ConstantMedium, Medium, check_medium, rising_wavelengths, wavelength_within
+from plenoptic.optics.glass.absorption import rising_wavelengths, table_column
+from plenoptic.optics.glass.media import ConstantMedium, Medium, check_medium, wavelength_within
 
 _THICKEST = 1e5
 """Largest thickness of a film in nm: thicker layers are elements with two surfaces, whose light does not interfere."""
@@ -52,9 +63,7 @@ class FilmMaterial:
             set_field(self, "wavelengths", rising_wavelengths(self.wavelengths, "wavelengths"))
         count = 1 if self.wavelengths is None else len(self.wavelengths)
         for name, low in (("index", 1e-6), ("extinction", 0.0)):
-            numbers = getattr(self, name)
-            numbers = np.full(count, numbers) if np.ndim(numbers) == 0 else numbers
-            checked = frozen_array(numbers, name=name, shape=(count,))
+            checked = table_column(getattr(self, name), name, count)
             if not ((checked >= low) & (checked < math.inf)).all():
                 raise InvalidValueError(f"{name} has {checked.min():g}; it must be finite and at least {low:g}")
             set_field(self, name, checked)
@@ -224,7 +233,7 @@ class Reflectance:
             set_field(self, "angles", angles)
         rows = 1 if self.wavelengths is None else len(self.wavelengths)
         columns = 1 if self.angles is None else len(self.angles)
-        table = np.asarray(self.reflectance)
+        table = plain_array(self.reflectance, "reflectance")
         if table.ndim == 0 or table.ndim == (self.wavelengths is not None) + (self.angles is not None) < 2:
             table = np.broadcast_to(table.reshape(-1, 1) if self.angles is None else table, (rows, columns))
         table = frozen_array(table, name="reflectance", shape=(rows, columns))

@@ -8,12 +8,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, Given, frozen_array, not_negative, set_field, value
+from plenoptic.core.values import (
+    Floats,
+    Given,
+    frozen_array,
+    not_negative,
+    plain_array,
+    set_field,
+    value,
+    wavelength_in_nm,
+)
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.glass.media import Medium, check_medium, rising_wavelengths, wavelength_within
+from plenoptic.optics.glass.media import Medium, check_medium, wavelength_within
 
 _DARKEST = 1e-12
 """Transmittance that stands for 0 in a table, whose logarithm is finite."""
+
+
+def rising_wavelengths(values: ArrayLike, name: str) -> Floats:
+    """Wavelengths (n,) of a table in nm, or an error if there is none or they do not rise."""
+    table: Floats = frozen_array(values, name=name, shape=(None,))
+    for nm in table.tolist():
+        wavelength_in_nm(nm, name)
+    if not table.size or (np.diff(table) <= 0).any():
+        raise InvalidValueError(f"{name} must rise from each to the next, and there must be at least one")
+    return table
+
+
+def table_column(values: ArrayLike, name: str, count: int) -> Floats:
+    """Column of a table of `count` rows, from as many numbers or one for all."""
+    column = plain_array(values, name)
+    return frozen_array(np.full(count, column) if column.ndim == 0 else column, name=name, shape=(count,))
 
 
 @value
@@ -59,8 +84,7 @@ class AbsorbingGlass:
         if not ((passed >= 0.0) & (passed <= 1.0)).all():
             raise InvalidValueError(f"transmittance is from {passed.min():g} to {passed.max():g}; it must be in 0 to 1")
         set_field(self, "transmittance", passed)
-        thick = np.full(nm.shape, self.thickness) if np.ndim(self.thickness) == 0 else self.thickness
-        checked = frozen_array(thick, name="thickness", shape=nm.shape)
+        checked = table_column(self.thickness, "thickness", len(nm))
         if not ((checked > 0.0) & (checked < math.inf)).all():
             raise InvalidValueError(f"thickness has {checked.min():g} mm; it must be above 0 and finite")
         set_field(self, "thickness", checked)

@@ -7,18 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from plenoptic.core.values import (
-    Floats,
-    coefficients,
-    finite,
-    frozen_array,
-    positive,
-    set_field,
-    value,
-    wavelength_in_nm,
-)
+from plenoptic.core.values import Floats, coefficients, finite, positive, set_field, value
 from plenoptic.errors import InvalidValueError, PrescriptionError
 
 F_LINE = 486.1327
@@ -88,16 +78,6 @@ def wavelength_within(wavelength: float, limits: tuple[float, float], medium: st
             "choose one inside, in nanometres, or another medium"
         )
     return number
-
-
-def rising_wavelengths(values: ArrayLike, name: str) -> Floats:
-    """Wavelengths (n,) of a table in nm, or an error if there is none or they do not rise."""
-    table: Floats = frozen_array(values, name=name, shape=(None,))
-    for nm in table.tolist():
-        wavelength_in_nm(nm, name)
-    if not table.size or (np.diff(table) <= 0).any():
-        raise InvalidValueError(f"{name} must rise from each to the next, and there must be at least one")
-    return table
 
 
 def checked_coefficients(values: Sequence[float], name: str, count: int | None = None) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.pupil.iris_points import MOST_ACROSS
 from plenoptic.optics.lens.stack import LensStack
-from plenoptic.optics.lens.trace import trace_part
+from plenoptic.optics.lens.trace import CHUNK, trace_part
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -152,5 +152,10 @@ def transmission_to(lens: LensStack, point: Floats, wavelength: float, cells: in
     rays = light_directions(lens, point, cells, wavelength)
     if rays is None:
         return math.nan
-    balance = light_balance(lens, rays, reverse=True)
-    return float(balance.transmitted.sum() / balance.rays.weight.sum())
+    transmitted = unvignetted = 0.0
+    for first in range(0, len(rays), CHUNK):  # for the memory
+        part = rays.selected(np.arange(first, min(first + CHUNK, len(rays))))
+        balance = light_balance(lens, part, reverse=True)
+        transmitted += float(balance.transmitted.sum())
+        unvignetted += float(balance.rays.weight.sum())
+    return transmitted / unvignetted
