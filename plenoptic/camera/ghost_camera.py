@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import assembly, sensor_corners
 from plenoptic.camera.camera_record import radiance_scale
-from plenoptic.camera.ghost_rays import GhostRecord
+from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.motions.pose import Pose
 from plenoptic.core.sampling import sobol_points
@@ -36,6 +36,8 @@ _WIDER = 1.02
 """Width of the opening over that needed."""
 _PILOT_HEIGHTS, _PILOT_RAYS = (0.05, 0.4, 0.75), 512
 """Image heights over the half diagonal of the sensor, and rays of each, whose light gives probabilities of pairs."""
+_DISC_MARGIN = 1.15
+"""Radius of the disc of a pair over that of its light in the pilot."""
 _EVEN = 0.1
 """Part of the probability that all pairs share alike: light of a scene need not be that of the pilot."""
 _MOST_BANDS, _TABLE_BYTES = 8, 1 << 28
@@ -122,10 +124,14 @@ def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTable
     if not pairs:
         raise InvalidValueError("the lens has a single reflecting surface, and no pair throws ghosts: leave them out")
     stacks = [ghost_stack(lens, pair, last, (camera.wavelength,)) for pair in pairs]
-    light = np.array([_pilot_light(stack, camera) for stack in stacks])
+    light, slope, scale = np.array([_pilot(stack, camera) for stack in stacks]).T
     shares = light / light.sum() if light.any() else np.full(len(stacks), 1.0 / len(stacks))
     probability = _EVEN / len(stacks) + (1.0 - _EVEN) * shares
-    cumulative = np.append(np.cumsum(probability)[:-1], 1.0)
+    aims, draws = None, probability
+    if camera.microlenses is None and not _is_special(camera):
+        aims = GhostAims(slope, scale, camera.lens.stop.semi_diameter, camera.stop_to_microlenses)
+        draws = np.outer(probability, (WIDE, 1.0 - WIDE)).ravel()
+    cumulative = np.append(np.cumsum(draws)[:-1], 1.0)
     at: float | Floats = camera.wavelength
     bands = None
     if colour is not None:
@@ -141,6 +147,7 @@ def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTable
         np.searchsorted(cumulative, np.arange(_GUIDES) / _GUIDES, side="right"),
         max(len(stack.elements) for stack in stacks),
         bands,
+        aims,
     )
 
 
@@ -155,12 +162,26 @@ def ghost_camera(prepared: PreparedCamera, ghosts: GhostLens, camera: PlenopticC
     return ghost_images
 
 
-def _pilot_light(stack: LensStack, camera: PlenopticCamera) -> float:
-    """Light of a uniform scene that arrives at some image points along a stack."""
-    uniform, light = sobol_points(_PILOT_RAYS)[:, :2], 0.0
+def _is_special(camera: PlenopticCamera) -> bool:
+    """True if the weights of rays to the opening depend on more than the cosine of their angle."""
+    parts = camera.lens_placement, camera.sensor_placement, camera.sensor.angular_response
+    return bool(camera.blemishes) or any(part is not None for part in parts)
+
+
+def _pilot(stack: LensStack, camera: PlenopticCamera) -> tuple[float, float, float]:
+    """Light of a uniform scene at some image points along a stack, and slope and scale of its disc; see `GhostAims`."""
+    uniform, z_last, light, points, offsets = sobol_points(_PILOT_RAYS)[:, :2], float(stack.vertices[-1]), 0.0, [], []
     for height in _PILOT_HEIGHTS:
         offset = height * camera.sensor.half_diagonal / math.sqrt(2.0)
-        point = np.array([offset, offset, float(stack.vertices[-1]) + camera.stop_to_microlenses])
-        rays = covering_rays(stack.elements[-1], float(stack.vertices[-1]), point, uniform, camera.wavelength)
-        light += float(stack.trace_reverse(rays).weight.sum())
-    return light
+        point = np.array([offset, offset, z_last + camera.stop_to_microlenses])
+        rays = covering_rays(stack.elements[-1], z_last, point, uniform, camera.wavelength)
+        weight = stack.trace_reverse(rays).weight
+        light += float(weight.sum())
+        points.append(rays.at_z(z_last)[weight > 0, :2])
+        offsets.append(np.full(len(points[-1]), offset))
+    at, offset_of = np.concatenate(points), np.concatenate(offsets)
+    if not len(at):
+        return 0.0, 0.0, 1.0
+    slope = float(offset_of @ at.mean(axis=1) / (offset_of @ offset_of))
+    reach = np.hypot(*(at - slope * offset_of[:, None]).T).max()
+    return light, slope, min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)
