@@ -29,6 +29,8 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
     """
     scene, ghosts, replicates = subject.scene, subject.settings.ghosts, shot.replicates
     assert scene is not None and ghosts is not None and replicates is not None and shot.samples is not None
+    if not scene.has_surfaces_or_light:
+        return shot  # particles alone
     if scene.points is not None:
         scene = dataclasses.replace(scene, points=None)
     each = (

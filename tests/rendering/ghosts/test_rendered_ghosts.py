@@ -213,6 +213,22 @@ def test_media_around_the_lens_scale_the_radiance_of_ghosts_as_of_the_image():
     assert ghosts / image == pytest.approx(expected, rel=0.03)
 
 
+def test_particles_have_no_ghosts():
+    points = pl.Points([[0.0, 0.0, -600.0]], intensity=1.0)
+    camera, options = camera_of(TRIPLET), {"samples": 2, "progress": False}
+    alone = pl.Scene(points=points)
+    image, both = (pl.render(alone, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
+    np.testing.assert_array_equal(both.image, image.image)
+    beside = pl.Scene(points=points, background=1e-3)
+    image, both = (pl.render(beside, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
+    white, ghosts = (
+        pl.render(pl.Scene(background=1e-3), camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts())
+    )
+    np.testing.assert_allclose(
+        both.image - image.image, ghosts.image - white.image, atol=2e-7 * float(image.image.max())
+    )
+
+
 def test_bad_input_is_answered_by_a_sentence():
     error = pl.errors.InvalidValueError
     with pytest.raises(error, match=r"orders is 4; it must be at most 2"):
