@@ -21,14 +21,15 @@ def camera_of(lens, side=6, **parts):
     return pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=focus, **parts)
 
 
-def scene_of(background):
-    corners = [[-LAMP, -LAMP, 0], [LAMP, -LAMP, 0], [LAMP, LAMP, 0], [-LAMP, LAMP, 0]]
-    vertices = np.add(corners, (10.0, 0.0, -DISTANCE))
+def scene_of(background, distance=DISTANCE):
+    lamp = LAMP * distance / DISTANCE
+    corners = [[-lamp, -lamp, 0], [lamp, -lamp, 0], [lamp, lamp, 0], [-lamp, lamp, 0]]
+    vertices = np.add(corners, (10.0, 0.0, -distance))
     lamp = pl.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], material=pl.Emissive(1.0))
     return pl.Scene([lamp], background=background)
 
 
-def by_chance(camera, background, *, sensor=None, n=60_000, seed=3):
+def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, seed=3):
     """Light of two reflections on each pixel and its standard error."""
     lens, random, z = camera.lens, np.random.default_rng(seed), camera.z_sensor
     rows, columns = camera.sensor.shape
@@ -52,8 +53,8 @@ def by_chance(camera, background, *, sensor=None, n=60_000, seed=3):
                 lens, origin, along / length[:, None], random, sensor=None if sensor is None else (z, sensor)
             )
             d = np.where(d[:, 2:] < 0, d, np.nan)
-            hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
-            lit = np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP
+            hit = p[:, :2] + ((-distance - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
+            lit = np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP * distance / DISTANCE
             light = np.where(turns == 2, light * solid * np.where(lit, 1.0, background), 0.0)
             image[row, column], errors[row, column] = light.mean(), light.std() / math.sqrt(n)
     return image, errors
@@ -70,14 +71,14 @@ def ghosts_of(camera, scene, ghosts, *, seeds=8):
 
 
 @pytest.mark.parametrize(
-    "lens, background, sensor",
-    [(SINGLET, 0.0, None), (TRIPLET, 0.2, None), (TRIPLET, 0.0, 0.3)],
-    ids=["one pair", "all pairs", "sensor"],
+    "lens, background, sensor, distance",
+    [(SINGLET, 0.0, None, 50.0), (TRIPLET, 0.2, None, DISTANCE), (TRIPLET, 0.0, 0.3, DISTANCE)],
+    ids=["one pair and a near lamp", "all pairs", "sensor"],
 )
-def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor):
+def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor, distance):
     camera = camera_of(lens)
-    expected, expected_error = by_chance(camera, background, sensor=sensor)
-    images = ghosts_of(camera, scene_of(background), pl.rendering.Ghosts(sensor=sensor, samples=1024))
+    expected, expected_error = by_chance(camera, background, sensor=sensor, distance=distance)
+    images = ghosts_of(camera, scene_of(background, distance), pl.rendering.Ghosts(sensor=sensor, samples=1024))
     image, error = images.mean(axis=0), images.std(axis=0, ddof=1) / math.sqrt(len(images))
     # Student's t of 7 degrees of freedom has a variance of 1.4.
     z = (image - expected) / np.hypot(error, expected_error)
