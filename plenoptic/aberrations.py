@@ -24,6 +24,8 @@ from plenoptic.optics.lens.analysis.mtf import Mtf, PointSpread, diffraction_mtf
 from plenoptic.optics.lens.analysis.seidel import ChromaticShift, SeidelSums, chromatic_shift, colour_sums, seidel_sums
 from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram, ray_fan, spot_diagram
 from plenoptic.optics.lens.analysis.transmission import transmission
+from plenoptic.optics.lens.ghosts.ghost_table import GhostTable
+from plenoptic.optics.lens.ghosts.veiling_glare import VeilingGlare, veiling_glare
 from plenoptic.optics.lens.models import FocusCriterion
 from plenoptic.optics.lens.optical_path import optical_path
 from plenoptic.optics.lens.waves.wave_mtf import WaveMtf, wave_mtf
@@ -40,6 +42,7 @@ __all__ = [
     "FieldCurvature",
     "Foci",
     "FocusCriterion",
+    "GhostTable",
     "Mtf",
     "PointSpread",
     "Projection",
@@ -49,6 +52,7 @@ __all__ = [
     "SpotDiagram",
     "SpreadMethod",
     "ThroughFocus",
+    "VeilingGlare",
     "Vignetting",
     "WaveMtf",
     "WaveSpread",
@@ -75,6 +79,7 @@ __all__ = [
     "spot_diagram",
     "through_focus",
     "transmission",
+    "veiling_glare",
     "vignetting",
     "wave_mtf",
     "wave_spread",

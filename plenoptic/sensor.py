@@ -7,6 +7,7 @@ from plenoptic.optics.sensor.demosaic import DemosaicMethod
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
 from plenoptic.optics.sensor.sensor import Sensor
+from plenoptic.optics.sensor.silicon import silicon_reflectance
 from plenoptic.readout.photon_transfer import PhotonTransfer, photon_transfer
 from plenoptic.readout.raw import RawImage
 
@@ -25,4 +26,5 @@ __all__ = [
     "photon_transfer",
     "rgb_basis",
     "rgb_to_spectrum",
+    "silicon_reflectance",
 ]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens
+from plenoptic.camera.ghost_rays import fill_ghost_rays
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.camera.sampling.kernels import camera_samples, diffraction_deflection
 from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels
@@ -79,6 +80,7 @@ class CameraRays:
         self._distant = None if illuminated.sources is None else np.empty(capacity, dtype=np.int64)
         self.kernel_rows = None if illuminated.kernel is None else np.empty(capacity, dtype=np.int64)
         """Row of the `KernelTable` of each ray; None without a diffraction kernel."""
+        self._pairs = None if camera.ghosts is None else np.empty(blocks * BLOCK, dtype=np.int64)
         is_deflected = illuminated.sources is not None or illuminated.kernel is not None
         self._deflected = DeflectedSamples(self._distant, self.kernel_rows, self.waves) if is_deflected else None
 
@@ -89,6 +91,11 @@ class CameraRays:
         if colour is not None and self.waves is not None:
             number = self._illuminated.number
             camera_samples.fill_waves(self.waves, start, n, self._batch, number, colour.cdf, self._guide)
+        if self._pairs is not None and self._camera.ghosts is not None:
+            # Numbers that are independent of those of wavelengths.
+            apart, ghosts = self._batch._replace(seed=~self._batch.seed), self._camera.ghosts
+            pairs = self._pairs[: bundle.size // (RAY // BLOCK)]
+            camera_samples.fill_waves(pairs, start, n, apart, self._illuminated.number, ghosts.cumulative, ghosts.guide)
         n_distant = self._fill_samples(
             bundle, core, self.lenslets, self._deflected, start, n, self._batch, self._illuminated
         )
@@ -128,6 +135,8 @@ class CameraRays:
         """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
         self._trace_lens(bundle, self.lens, self.waves)
+        if self._pairs is not None and self._camera.ghosts is not None:
+            fill_ghost_rays(bundle, self._camera.ghosts, self._pairs[: bundle.size // (RAY // BLOCK)], self.waves)
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         self._scale_radiance(bundle)
         if self.core is not None:

@@ -31,6 +31,7 @@ from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.ghost_rays import GhostRecord
 
 
 class PixelRecord(NamedTuple):
@@ -130,6 +131,8 @@ class CameraRecord(NamedTuple):
     radiance_scale: Floats | None
     """(1,) or (W,): radiance behind the lens over that in front, (n' / n)^2, at the camera's wavelength or at those
     drawn by paths. None for one medium on both sides."""
+    ghosts: GhostRecord | None = None
+    """Paths through which rays are traced in place of the lens, to images of its ghosts; None: through the lens."""
 
     @property
     def frame(self) -> Floats | None:
@@ -196,11 +199,11 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         deflection=deflection,
         diffraction_kernel=kernel,
         iris=iris_record(camera, path_wavelengths),
-        radiance_scale=_radiance_scale(lens, (camera.wavelength,) if colour is None else path_wavelengths[1:]),
+        radiance_scale=radiance_scale(lens, (camera.wavelength,) if colour is None else path_wavelengths[1:]),
     )
 
 
-def _radiance_scale(lens: LensStack, wavelengths: tuple[float, ...]) -> Floats | None:
+def radiance_scale(lens: LensStack, wavelengths: tuple[float, ...]) -> Floats | None:
     """Ratio of radiances behind the lens and in front of it: L / n^2 is constant along a ray."""
     if lens.front_medium == lens.rear_medium:
         return None

@@ -31,6 +31,7 @@ from .points import plot_projection as plot_projection
 from .scene import plot_scene as plot_scene
 from .sensor import plot_photon_transfer as plot_photon_transfer
 from .sensor import plot_sensitivity as plot_sensitivity
+from .spots import plot_ghosts as plot_ghosts
 from .spots import plot_ray_fan as plot_ray_fan
 from .spots import plot_spots as plot_spots
 from .spots import plot_through_focus as plot_through_focus

@@ -1,4 +1,4 @@
-"""Spot diagrams, through the focus too, and ray fans."""
+"""Spot diagrams, through the focus too, ray fans, and ghosts by their size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from plenoptic.core.values import Floats, check_has, wrong_kind
 from plenoptic.errors import InvalidValueError
-from plenoptic.plots.canvas import axes_or_new, figure_or_new, wavelength_colours
+from plenoptic.plots.canvas import axes_or_new, figure_or_new, literal, wavelength_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from plenoptic.optics.lens.analysis.best_focus import ThroughFocus
     from plenoptic.optics.lens.analysis.spot_diagram import RayFan, SpotDiagram
+    from plenoptic.optics.lens.ghosts.ghost_table import GhostTable
 
 MICROMETRES = 1e3
 _MOST_DOTS = 3000
@@ -25,6 +26,8 @@ _MOST_DOTS = 3000
 LIMIT = "#777777"
 _SMALLEST_SPOT = 0.1
 """um; a panel of a perfect image still needs an extent."""
+_NAMED_GHOSTS = 6
+"""Ghosts with a name in the figure: those of the largest irradiance."""
 
 
 def field_label(field: Floats, z_object: float) -> str:
@@ -237,4 +240,57 @@ def plot_through_focus(found: ThroughFocus, ax: Axes | None = None) -> Axes:
         xlabel="z / mm", ylabel="radius of the spot / µm", title=f"Through focus, best RMS at z = {found.best:.3f} mm"
     )
     ax.legend(frameon=False)
+    return ax
+
+
+def plot_ghosts(ghosts: GhostTable, ax: Axes | None = None) -> Axes:
+    """Draw the light of each ghost against the RMS radius of its blur, both on logarithmic scales.
+
+    Small and bright ghosts, which images show first, lie at the upper left; dashed lines have equal irradiance.
+
+    Parameters
+    ----------
+    ghosts : GhostTable
+        From `LensStack.ghosts`.
+    ax : matplotlib.axes.Axes, default: those of a new figure
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        RMS radius in mm to the right, light over that of the image upwards; the colour is the distance of the focus
+        behind the image plane, up to 100 mm.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> ax = pl.plots.plot_ghosts(pl.load_lens("double-gauss-100mm-f2").ghosts())
+    >>> ax.get_xlabel()
+    'RMS radius / mm'
+    """
+    check_has(ghosts, "ghosts", "GhostTable", "lens.ghosts()", "energy_error")
+    ax = axes_or_new(ax, (6.4, 4.4))
+    lit = np.flatnonzero((ghosts.energy > 0) & (ghosts.radius > 0))
+    radius, energy = ghosts.radius[lit], ghosts.energy[lit]
+    limit = 100.0
+    points = ax.scatter(radius, energy, c=np.clip(ghosts.focus[lit], -limit, limit), cmap="coolwarm", s=28, zorder=3)
+    points.set_clim(-limit, limit)
+    points.set_edgecolor("#444444")
+    ax.set(xscale="log", yscale="log")
+    ax.margins(0.12)
+    limits = ax.get_xlim(), ax.get_ylim()
+    r = np.array(limits[0])
+    densities = np.log10(energy / radius**2) if len(lit) else np.zeros(1)
+    for density in range(int(np.floor(densities.min())), int(np.ceil(densities.max())) + 1):
+        ax.plot(r, 10.0**density * r * r, color="#bbbbbb", linewidth=0.7, linestyle="--", zorder=0)
+    ax.set(xlim=limits[0], ylim=limits[1])
+    for k in np.argsort(-energy / radius**2, kind="stable")[:_NAMED_GHOSTS]:
+        name = ghosts.names[lit[k]]
+        ax.annotate(name, (radius[k], energy[k]), (5, 3), textcoords="offset points", fontsize="small")
+    ax.figure.colorbar(points, ax=ax, label="focus behind the image plane / mm", extend="both")
+    title = f"{literal(ghosts.lens.name or 'lens')}, {field_label(ghosts.field, ghosts.z_object)}\n"
+    ax.set(
+        xlabel="RMS radius / mm",
+        ylabel="light over that of the image",
+        title=title + f"ghosts, {ghosts.total:.2g} in all",
+    )
     return ax

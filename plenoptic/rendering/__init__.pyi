@@ -9,6 +9,7 @@ from .points.point_weights import PointWeights as PointWeights
 from .points.point_weights import point_weights as point_weights
 from .render import render_white as render_white
 from .settings import Caustics as Caustics
+from .settings import Ghosts as Ghosts
 from .settings import RenderSettings as RenderSettings
 from .settings import Sampler as Sampler
 from .stats import RenderStats as RenderStats

@@ -58,6 +58,10 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)
+    if subject.ghosts is not None:
+        from plenoptic.camera.ghost_camera import ghost_camera  # few images have ghosts
+
+        camera = ghost_camera(camera, subject.ghosts, subject.camera)
     shutter = open_shutter(subject.camera, record) if plan.runs(Stage.SHUTTER) else None
     settings, replicates = subject.settings, subject.replicates
     return RenderContext(camera, record, intersector, plan, settings, replicates, np.uint64(seed), shutter)

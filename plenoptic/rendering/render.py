@@ -12,7 +12,7 @@ from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.schedule.run import RenderOptions, run
-from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
+from plenoptic.rendering.settings import Caustics, Ghosts, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def render(  # noqa: PLR0913
     max_bounces: int = 8,
     caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
+    ghosts: Ghosts | None = None,
     truth: Truth = Truth.DEPTH,
     conditioning: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -86,6 +87,9 @@ def render(  # noqa: PLR0913
     clamp : float, optional
         Maximum radiance of a path; brighter paths are scaled down. It reduces noise and removes light:
         `shot.stats.clamped` is the missing fraction. None: no clamping.
+    ghosts : Ghosts, optional
+        Adds the light that two surfaces of the lens reflect, and its error. It is rendered after the image, and takes
+        no part in a target error, a time limit or a checkpoint. None: no ghosts, at no cost.
     truth : Truth
         Requested channels of the ground truth, such as ``Truth.DEPTH | Truth.NORMAL``; others are neither computed nor
         stored. See `GroundTruth`.
@@ -151,12 +155,17 @@ def render(  # noqa: PLR0913
     warn_if_implausible(camera)
     warn_if_scene_implausible(scene, camera)
     budget = checked_budget(samples, time_limit, target_error, replicates)
-    settings = RenderSettings(max_bounces, caustics, clamp, sampler)
+    settings = RenderSettings(max_bounces, caustics, clamp, sampler, ghosts)
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, truth, settings)
     options = RenderOptions(
         region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
     )
-    return run(subject, budget, options)
+    shot = run(subject, budget, options)
+    if ghosts is None:
+        return shot
+    from plenoptic.rendering.ghosts.ghosts_exposure import add_ghosts  # few images have ghosts
+
+    return add_ghosts(shot, subject, options)
 
 
 def render_white(  # noqa: PLR0913

@@ -113,7 +113,7 @@ def replay_all(exposure: Exposure, scene: Scene | None, paths: Iterable[tuple[in
     ['LEFT_SCENE', 'LEFT_SCENE']
     """
     context = _context(exposure, scene)
-    if isinstance(paths, str | bytes) or not isinstance(paths, Iterable):
+    if isinstance(paths, str | bytes) or not isinstance(paths, Iterable) or getattr(paths, "ndim", 1) == 0:
         raise wrong_kind(paths, "paths", "sequence of (row, column, sample)", "exposure.stats.nonfinite_paths")
     checked = (_check_path(exposure, *_members(path, "a path", "row", "column", "sample")) for path in paths)
     return tuple(_retrace(context, scene, *path) for path in checked)

@@ -132,6 +132,7 @@ pl.SensorModel(photon_rate=1000.0, exposure_time=1.0, quantum_efficiency=0.5, ga
     full_well=10000.0)
 sensor.RawImage(data=np.ones((2, 3), np.uint16), model=grey, seed=1, samples=3)
 pl.sensor.photon_transfer(model=grey, levels=[1.0, 2.0], shape=(8, 8), channel=0, seed=0)
+sensor.silicon_reflectance(wavelength=wave)
 sensor.photon_rate(radiance=1.0, pixel_pitch=0.01, wavelength=wave)
 sensor.dark_current_at(temperature=20.0, rate=1.0, reference_temperature=10.0, doubling_temperature=7.0)
 sensor.rgb_to_spectrum(rgb=(0.1, 0.2, 0.3), wavelengths=grid)
@@ -157,6 +158,7 @@ targets.slanted_edge(size=9.0, angle_deg=5.0)
 targets.usaf_1951(groups=(0, 1), scale=1.0, margin=2.0)
 pl.rendering.Film(shape=(2, 2, 1), counts=np.array([2, 2]))
 pl.rendering.RenderSettings(max_bounces=3, clamp=1.0)
+pl.rendering.Ghosts(orders=2, sensor=0.3, array=0.04, samples=4)
 pl.rendering.RenderStats(seconds=1.0, paths=5, paths_through_lens=3, lost=(("clipped", 0, 2),), clamped=0.1,
     nonfinite_paths=((0, 1, 2),))
 pl.box(size=(1.0, 2.0, 3.0), center=(0.0, 0.0, 0.0))
@@ -274,6 +276,7 @@ def calls():
     over = {"fields": [1.0, 2.0], "z_object": z, "wavelength": wave}
     for name, more in {
         "spot_diagram": seen | {"rays": 64, "seed": 1, "z_image": 110.0},
+        "veiling_glare": seen | {"patch": 2.0, "z_image": 110.0, "sensor": 0.3, "rays": 64, "seed": 1},
         "mtf": seen | {"frequencies": [0.0, 10.0], "rays": 64, "seed": 1},
         "point_spread": seen | {"rays": 64, "shape": (8, 8), "pixel_size": 0.01},
         "through_focus": seen | {"z": [109.0, 110.0], "rays": 64},
@@ -290,6 +293,7 @@ def calls():
         "chromatic_shift": {"wavelengths": (486.0, 587.0), "reference": 587.0, "field": 1.0, "z_object": z},
     }.items():
         made[f"aberrations.{name}"] = (getattr(aberrations, name), {"lens": lens()} | more)
+    made["ghosts"] = (lens().ghosts, seen | {"z_image": 110.0, "sensor": 0.3, "rays": 64})
     made["diffraction_mtf"] = (aberrations.diffraction_mtf, {"frequencies": [1.0], "f_number": 4.0, "wavelength": wave})
     for name in ("cardinal_points", "conjugates", "image_position", "magnification", "marginal_ray", "object_position"):
         given = {p: z for p in inspect.signature(getattr(paraxial, name)).parameters}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, broadcast, result, wavelength_in_nm
+from plenoptic.core.values import Floats, broadcast, finite, result, wavelength_in_nm
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
 from plenoptic.optics.coatings.thin_films import FilmPowers, film_powers
@@ -63,6 +63,14 @@ def check_coating(coating: object) -> None:
             f"coating is {coating!r}; it must be pl.optics.SingleLayer(), pl.optics.Coating(layers), "
             "pl.optics.Reflectance(0.005) or None"
         )
+
+
+def checked_reflectance(value: float, name: str) -> float:
+    """`value` as a float, or an error that names it if it is not from 0 to 1."""
+    reflectance = finite(value, name)
+    if not 0.0 <= reflectance <= 1.0:
+        raise InvalidValueError(f"{name} is {reflectance:g}; its reflectance must be from 0 to 1")
+    return reflectance
 
 
 def surface_powers(

@@ -35,6 +35,11 @@ class LossRecord(NamedTuple):
     """(n,) True if it is not 0."""
 
 
+def table_cosines() -> Floats:
+    """Rising cosines of the angles at which tables are computed."""
+    return np.sqrt(np.linspace(0.0, 1.0, _INTERVALS + 1))
+
+
 def has_losses(lens: LensStack) -> bool:
     """True if images include the losses of a lens: it is traced exactly, and a surface has a coating."""
     coatings = (element.coating for element in lens.elements if isinstance(element, Surface))
@@ -45,7 +50,7 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    nm, cosines = np.array(wavelengths)[:, np.newaxis], np.sqrt(np.linspace(0.0, 1.0, _INTERVALS + 1))
+    nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
     indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
     transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
     for k, element in enumerate(lens.elements):

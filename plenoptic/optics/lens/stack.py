@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -26,14 +27,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from plenoptic.optics.lens.checks.finding import Findings
+    from plenoptic.optics.lens.ghosts.ghost_table import GhostTable
 
 
 @value
 class LensStack:
     """A lens: surfaces and stops in the order of the light path from the scene.
 
-    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm. Lenses are equal
-    when all their fields are.
+    The lens has its own frame: z along the axis towards the sensor, z = 0 at the iris, lengths in mm.
 
     Parameters
     ----------
@@ -42,10 +43,8 @@ class LensStack:
         to the next. Kept as a tuple; the gap behind the last one belongs to the camera and is set to 0.
     iris : int, optional
         Index in `elements` of the iris; the first stop by default.
-    name : str, optional
-        Name for messages and figures.
-    source : str, optional
-        Source of the prescription: patent, book and page.
+    name, source : str, optional
+        Name for messages and figures; source of the prescription: patent, book and page.
     front_medium, rear_medium : Medium, optional
         Medium of the scene, before the first surface, and that of the sensor, behind the last one; keyword only. AIR
         means that all indices are relative to air, as in glass catalogues. For a lens in vacuum, or in real air with
@@ -168,12 +167,12 @@ class LensStack:
         """The same lens with one element, or several as one rigid group, decentred and tilted.
 
         Moves accumulate: each one acts on the result of the preceding ones. The paraxial description stays that of the
-        centred lens.
+        centred lens. PrescriptionError if `which` selects no element, or elements on both sides of a mirror.
 
         Parameters
         ----------
         which : int, slice or sequence of int
-            Indices in `elements` of the elements to move.
+            Indices in `elements`.
         shift : (3,) sequence of float, optional
             Along x, y and z in mm.
         tilt : (3,) sequence of float, optional
@@ -182,11 +181,6 @@ class LensStack:
         pivot : float, optional
             z in the lens frame, mm, of the axial point about which the group is rotated; by default the vertex of its
             first element.
-
-        Raises
-        ------
-        PrescriptionError
-            If `which` selects no element, or elements on both sides of a mirror.
 
         Examples
         --------
@@ -203,7 +197,8 @@ class LensStack:
         """The same lens in another size: every length times one factor.
 
         Radii, gaps, semi-diameters, aspheric and freeform coefficients, shifts and the specification scale; angles,
-        f-numbers and glasses stay. So do `name` and `source`, which `dataclasses.replace` changes.
+        f-numbers and glasses stay. So do `name` and `source`, which `dataclasses.replace` changes. InvalidValueError if
+        neither or both of the arguments are given, or the lens has no such focal length.
 
         Parameters
         ----------
@@ -211,11 +206,6 @@ class LensStack:
             From 1e-6 to 1e6.
         focal_length : float, optional
             Effective focal length of the scaled lens at 587.6 nm in mm, in place of a factor.
-
-        Raises
-        ------
-        InvalidValueError
-            If neither or both are given, or the lens has no such focal length.
 
         Examples
         --------
@@ -284,8 +274,7 @@ class LensStack:
     def check(self, wavelength: float = 587.6) -> Findings:
         """Check the lens at a wavelength in nm: a tuple of findings, empty where nothing is implausible.
 
-        Checks include overlapping edges, vignetting, total reflection, and a deviation of the aperture from the lens
-        file.
+        Checks include overlapping edges, vignetting, total reflection, and another aperture than the lens file states.
 
         Examples
         --------
@@ -298,13 +287,45 @@ class LensStack:
         return findings(self, wavelength)
 
     def transmission(self, field: float = 0.0, wavelength: float = 587.6) -> float:
-        """Fraction of the unvignetted light of a field that surfaces and glasses transmit; see `coated`.
-
-        A field at infinity, in radians along y; see `pl.aberrations.transmission`, which takes others.
-        """
+        """Fraction of the light of a field (rad along y) that surfaces and glass pass; `aberrations.transmission`."""
         from plenoptic.optics.lens.analysis.transmission import transmission  # imports this module
 
         return float(transmission(self, [field], wavelength=wavelength)[0])
+
+    def ghosts(
+        self,
+        *,
+        field: Sequence[float] = (0.0, 0.0),
+        z_object: float = -math.inf,
+        z_image: float | None = None,
+        wavelength: float = 587.6,
+        sensor: float | None = None,
+        rays: int = 4096,
+    ) -> GhostTable:
+        """Ghosts: the light of each pair of surfaces that reflect it, on the image plane, beside the image light.
+
+        Each surface reflects and transmits unpolarised light, bare unless it has a coating; rims and stops clip rays.
+        Ground edges and the barrel reflect nothing. PrescriptionError if the lens has mirrors.
+
+        Parameters
+        ----------
+        field, z_object, z_image, wavelength
+            See `aberrations.spot_diagram`; one wavelength.
+        sensor : float, optional
+            Reflectance of a mirror in the plane z_image, as `sensor.silicon_reflectance`; None: it reflects nothing.
+        rays : int, optional
+            Rays that cover the first element: a fixed set, whose even spread gives the stated errors.
+
+        Examples
+        --------
+        >>> import plenoptic as pl
+        >>> ghosts = pl.load_lens("singlet-100mm-f4").ghosts(sensor=0.3)
+        >>> ghosts.names, ghosts.energy.round(4).tolist(), ghosts.focus.round(1).tolist()
+        (('sensor-2', 'sensor-1', '2-1'), [0.0126, 0.0116, 0.0018], [-193.4, -79.5, -85.6])
+        """
+        from plenoptic.optics.lens.ghosts.ghost_table import find_ghosts  # imports this module
+
+        return find_ghosts(self, (field, z_object, z_image, wavelength), sensor=sensor, rays=rays)
 
     def layout(
         self,
@@ -318,7 +339,8 @@ class LensStack:
     ) -> Axes:
         """Draw the lens with a fan of real rays for each field, true to scale.
 
-        z to the right, y upwards, in mm; one colour a field.
+        z to the right, y upwards, in mm; one colour a field. InvalidValueError if a field is out of range or the object
+        is not before the lens.
 
         Parameters
         ----------
@@ -328,19 +350,9 @@ class LensStack:
             mm; -inf for infinity. Default: -inf, or the front focus of a lens without a rear focus behind it.
         rays : int, optional
             Rays of each fan, uniform over the diameter of the iris along y. Clipped rays end at their rim.
-        wavelength : float, optional
-            nm.
-        z_image : float, optional
-            z at which rays end, mm; by default the paraxial image plane.
+        wavelength, z_image : float, optional
+            nm; z at which rays end, mm, by default the paraxial image plane.
         ax : matplotlib.axes.Axes, optional
-            Axes to draw on; a new figure by default.
-
-        Raises
-        ------
-        InvalidValueError
-            If a field is out of range or the object is not before the lens.
-        PlenopticError
-            If matplotlib is missing; also an ImportError.
 
         Examples
         --------
@@ -357,18 +369,9 @@ class LensStack:
     def trace(self, rays: RayBundle, *, threads: int | None = None) -> RayBundle:
         """Trace rays through the lens towards the sensor.
 
-        Parameters
-        ----------
-        rays : RayBundle
-            In the lens frame. The position of a ray's origin along the ray has no effect.
-        threads : int, optional
-            Threads for large bundles; None: one for each processor, at most NUMBA_NUM_THREADS.
-
-        Returns
-        -------
-        RayBundle
-            Origins on the last element. Weights lose what coated lenses take, see `transmission`. A lost ray has weight
-            0, a status, the index of its element, and NaN for origin and direction.
+        Rays are in the lens frame, with origins anywhere along them, those of the result on the last element. Weights
+        lose what coated lenses take, see `transmission`. A lost ray has weight 0, a status, the index of its element,
+        and NaN for origin and direction. `threads`: None is one for each processor, at most NUMBA_NUM_THREADS.
 
         Examples
         --------

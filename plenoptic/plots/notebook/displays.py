@@ -131,6 +131,7 @@ PICTURES: dict[str, Callable[[Any], str]] = {
     "DepthMap": _figure(lightfield.plot_depth_map, _MAPS, "Depth, disparity and confidence"),
     "Exposure": _figure(exposure.plot_exposure, exposure.notebook_size, "An exposure"),
     "FieldCurvature": _curves(fields.plot_field_curvature, _FIELDS, "Foci against the field"),
+    "GhostTable": _axes(spots.plot_ghosts, (6.4, 4.4), "Light of ghosts against their size"),
     "LensStack": _axes(lens.plot_lens, (6.0, 3.6), "Section of a lens"),
     "LightField": _figure(
         lightfield.plot_light_field,

@@ -12,7 +12,7 @@ from plenoptic.rendering.plan.rare_light import rare_light
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.shutter import open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
-from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
+from plenoptic.rendering.settings import Caustics, Ghosts, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth, truth_names
 from plenoptic.truth.truth_arrays import available_truth, valid_truth
 
@@ -32,6 +32,7 @@ def plan(  # noqa: PLR0913
     caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
     sampler: Sampler = Sampler.SOBOL,
+    ghosts: Ghosts | None = None,
 ) -> Plan:
     """Stages that `render` would run for a scene and a camera, those it would leave out, and the reasons.
 
@@ -40,7 +41,7 @@ def plan(  # noqa: PLR0913
     scene : Scene or None
         None: a white image.
     camera : PlenopticCamera
-    samples, replicates, max_bounces, truth, caustics, clamp, sampler
+    samples, replicates, max_bounces, truth, caustics, clamp, sampler, ghosts
         As for `render`.
 
     Returns
@@ -64,7 +65,7 @@ def plan(  # noqa: PLR0913
     ...
     """
     check_scene_and_camera(scene, camera)
-    settings = RenderSettings(max_bounces, caustics, clamp, sampler)
+    settings = RenderSettings(max_bounces, caustics, clamp, sampler, ghosts)
     paths, independent = whole(samples, "samples", at_least=1), whole(replicates, "replicates", at_least=1)
     return plan_for(Subject(scene, camera, paths, independent, valid_truth(truth), settings))
 
@@ -119,6 +120,12 @@ def plan_stages(record: SceneRecord | None, subject: Subject) -> Plan:
                 *(record, WHITE),
                 *(n_particles, "the scene has none"),
                 f"rays start at {n_particles} particle{'s' * (n_particles != 1)}",
+            ),
+            decide(
+                Stage.GHOSTS,
+                *(record, WHITE),
+                *(settings.ghosts, "light that surfaces of the lens reflect is left out"),
+                "light of two reflections in the lens is added, by paths of its own",
             ),
         ),
         subject,

@@ -13,6 +13,7 @@ from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.camera.ghost_camera import GhostLens
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
@@ -73,6 +74,7 @@ class Stage(enum.IntEnum):
     STANDARD_ERROR = 43
     RARE_LIGHT = 44
     PARTICLES = 45
+    GHOSTS = 46
 
 
 @value
@@ -106,6 +108,8 @@ class Subject:
     replicates: int = 2
     truth: Truth = Truth.DEPTH
     settings: RenderSettings = RenderSettings()
+    ghosts: GhostLens | None = None
+    """Lens whose ghosts are rendered through `camera`, that of `opening_camera`; None: the image of the camera."""
 
     @property
     def prepared(self) -> PreparedScene | None:

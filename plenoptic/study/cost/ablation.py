@@ -161,5 +161,6 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.TRUTH: ("no ground truth", _set("truth", Truth.NONE)),
     Stage.STANDARD_ERROR: ("one replicate", _set("replicates", 1)),
     Stage.RARE_LIGHT: ("no caustics", _set("settings.caustics", Caustics.EXCLUDE)),
+    Stage.GHOSTS: ("no ghosts", _set("settings.ghosts", None)),
 }
 """By stage: the substitute, and the change of the render."""

@@ -123,7 +123,12 @@ def test_facts_are_texts():
     texts = identity(None, camera(), **facts)
     expected = {"seed": "3", "clamp": "None", "region": "(0, 8, 0, 4)", "sampler": "RANDOM", "error": "0.1"}
     expected |= {"settings.max_bounces": "2", "settings.caustics": "INCLUDE", "settings.clamp": "None"}
-    expected |= {"settings.sampler": "SOBOL", "far": texts["far"], "plenoptic": pl.__version__}
+    expected |= {
+        "settings.sampler": "SOBOL",
+        "settings.ghosts": "None",
+        "far": texts["far"],
+        "plenoptic": pl.__version__,
+    }
     assert {name: text for name, text in texts.items() if "camera" not in name and name != "scene"} == expected
     assert texts["far"].startswith("sha256:")
 

@@ -15,7 +15,8 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian import paraxial
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, image_position
 from plenoptic.optics.lens.models import FocusCriterion, LensModel
-from plenoptic.optics.lens.pupil.beam import ImagedPoint, checked_point, checked_wavelengths, field_text, passing_light
+from plenoptic.optics.lens.pupil.beam import ImagedPoint, checked_point, checked_wavelengths, passing_light
+from plenoptic.optics.lens.pupil.object_point import field_text
 from plenoptic.optics.lens.stack import LensStack
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

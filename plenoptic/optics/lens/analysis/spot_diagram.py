@@ -12,8 +12,9 @@ from plenoptic.core.display import picture_of
 from plenoptic.core.values import MAX_POINTS, Floats, read_only, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.optics.lens.analysis.best_focus import imaged_point, working_f_number
-from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, field_text, meridian, passing_light
+from plenoptic.optics.lens.pupil.beam import REPLICATES, ImagedPoint, meridian, passing_light
 from plenoptic.optics.lens.pupil.iris_points import INSIDE
+from plenoptic.optics.lens.pupil.object_point import field_text
 from plenoptic.optics.lens.stack import LensStack
 
 AIRY = 1.2196698912665045

@@ -101,12 +101,6 @@ class ImagedPoint(NamedTuple):
         return aimed_rays(lens, field=self.field, pupil=pupil, z_object=self.z_object, wavelength=wavelength)
 
 
-def field_text(field: Sequence[float] | Floats, z_object: float) -> str:
-    """An object point with its unit."""
-    x, y = field
-    return f"({x + 0.0:g}, {y + 0.0:g}) {'rad' if math.isinf(z_object) else 'mm'}"
-
-
 def checked_point(lens: LensStack, field: Sequence[float], z_object: float) -> tuple[tuple[float, float], float]:
     """Check an object point; returns field and z of the object as floats."""
     check_kind(lens, "lens", LensStack, "camera.lens")

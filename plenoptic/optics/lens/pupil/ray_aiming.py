@@ -14,20 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plenoptic.core.rays import RayBundle, RayStatus
-from plenoptic.core.values import Floats, check_kind, finite, frozen_array, number, numbers
+from plenoptic.core.values import Floats, check_kind, finite, frozen_array
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points, magnification
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.search import (
-    SOLVED,
-    Half,
-    aimed_angles,
-    directions_of,
-    half_of,
-    outermost,
-    points_of,
-    traced_through,
-)
+from plenoptic.optics.lens.pupil.object_point import checked_aim, checked_pair, directions_of
+from plenoptic.optics.lens.pupil.search import SOLVED, Half, aimed_angles, half_of, outermost, points_of, traced_through
 from plenoptic.optics.lens.stack import LensStack
 
 _EPS = float(np.finfo(np.float64).eps)
@@ -112,30 +104,6 @@ def _ideal_rays(lens: LensStack, wavelength: float, pupil: Floats, aim: Floats, 
     return _bundle(points + back[:, None] * towards, np.broadcast_to(-towards, points.shape), wavelength, none_lost)
 
 
-def _checked_pair(values: float | Sequence[float] | Floats, name: str) -> Floats:
-    array = numbers(values, name)
-    pair = frozen_array(np.array([0.0, array]) if array.ndim == 0 else array, name=name, shape=(2,))
-    if not np.isfinite(pair).all():
-        raise InvalidValueError(f"{name} is {pair.tolist()}; it must be two finite numbers")
-    return pair
-
-
-def _aim(lens: LensStack, pair: Floats, z: float, *, scene: bool) -> Floats:
-    """Target point of the rays, as in `Half.aim`."""
-    name, sign = ("z_object", -1.0) if scene else ("z_image", 1.0)
-    z_target = number(z, name)
-    if z_target == sign * math.inf:
-        if not math.hypot(*pair) < math.pi:
-            subject = "field" if scene else "image_point"
-            raise InvalidValueError(f"{subject} {pair.tolist()} is not below pi; give radians")
-        return pair
-    end = float(lens.vertices[0 if scene else -1])
-    if not (math.isfinite(z_target) and sign * (z_target - end) > 0):
-        side = "before the first element, below" if scene else "behind the last element, above"
-        raise InvalidValueError(f"{name} is {z_target:g} mm; it must lie {side} {end:g}, or be {sign * math.inf:g}")
-    return np.array([*pair, z_target])
-
-
 def _aim_rays(
     lens: LensStack, pair: Floats, z: float, pupil: ArrayLike, wavelength: float, *, scene: bool
 ) -> RayBundle:
@@ -143,7 +111,7 @@ def _aim_rays(
     points = frozen_array(pupil, name="pupil", shape=(None, 2))
     if not np.isfinite(points).all():
         raise InvalidValueError("pupil holds a number that is not finite; give points of the iris")
-    aim, at = _aim(lens, pair, z, scene=scene), finite(wavelength, "wavelength")
+    aim, at = checked_aim(lens, pair, z, scene=scene), finite(wavelength, "wavelength")
     if lens.model is not LensModel.EXACT:
         return _ideal_rays(lens, at, points, aim, scene=scene)
     return _exact_rays(lens, half_of(lens, at, aim, scene=scene), points)
@@ -199,7 +167,7 @@ def aimed_rays(
     >>> lens.trace(rays).status.tolist()
     [0, 0]
     """
-    return _aim_rays(lens, _checked_pair(field, "field"), z_object, pupil, wavelength, scene=True)
+    return _aim_rays(lens, checked_pair(field, "field"), z_object, pupil, wavelength, scene=True)
 
 
 def aimed_rays_reverse(
@@ -237,7 +205,7 @@ def aimed_rays_reverse(
     >>> bool(rays.direction[0, 2] < 0), lens.trace_reverse(rays).status.tolist()
     (True, [0])
     """
-    return _aim_rays(lens, _checked_pair(image_point, "image_point"), z_image, pupil, wavelength, scene=False)
+    return _aim_rays(lens, checked_pair(image_point, "image_point"), z_image, pupil, wavelength, scene=False)
 
 
 def chief_ray(
@@ -269,7 +237,7 @@ def entrance_pupil_of(
     >>> [round(pl.aiming.entrance_pupil_of(lens, (0.0, math.radians(angle)))) for angle in (0, 40, 80)]
     [-238, -251, -302]
     """
-    pair = _checked_pair(field, "field")
+    pair = checked_pair(field, "field")
     if not pair.any():
         return cardinal_points(lens, wavelength).entrance_pupil
     ray = chief_ray(lens, field=pair, z_object=z_object, wavelength=wavelength)

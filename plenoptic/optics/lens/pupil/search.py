@@ -19,6 +19,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.lens_record import LensRecord, lens_record
 from plenoptic.optics.lens.placement import to_lens_axes
 from plenoptic.optics.lens.pupil.iris_points import hexapolar
+from plenoptic.optics.lens.pupil.object_point import angles_of, directions_of
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.trace import trace_record
 
@@ -55,26 +56,6 @@ class Half(NamedTuple):
     wavelength: float
     aim: Floats
     """Target point: (2,) angle coordinates at infinity, or (3,) a point in mm."""
-
-
-def angles_of(direction: Floats, sign: float) -> Floats:
-    """Angle coordinates (n, 2) of directions (n, 3)."""
-    across = np.hypot(direction[:, 0], direction[:, 1])
-    theta = np.arctan2(across, sign * direction[:, 2])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        stretch = np.where(across > 0, theta / across, 1.0)
-    return np.asarray(direction[:, :2] * stretch[:, None])
-
-
-def directions_of(angles: Floats, sign: float) -> Floats:
-    """Unit vectors (n, 3) of angle coordinates (n, 2)."""
-    theta = np.sqrt(angles[:, 0] ** 2 + angles[:, 1] ** 2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        shrink = np.where(theta > 0, np.sin(theta) / theta, 1.0)
-    directions = np.empty((len(angles), 3))
-    directions[:, :2] = angles * shrink[:, None]
-    directions[:, 2] = sign * np.cos(theta)
-    return directions
 
 
 def half_of(lens: LensStack, wavelength: float, aim: Floats, *, scene: bool) -> Half:

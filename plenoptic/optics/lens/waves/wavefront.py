@@ -14,8 +14,9 @@ from plenoptic.core.values import Floats, frozen_array, result, wavelength_in_nm
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.analysis.best_focus import imaged_point
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.beam import ImagedPoint, field_text
+from plenoptic.optics.lens.pupil.beam import ImagedPoint
 from plenoptic.optics.lens.pupil.iris_points import square_grid
+from plenoptic.optics.lens.pupil.object_point import field_text
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.lens.waves.pupil_rule import pupil_rule, strehl_ratios
 from plenoptic.optics.lens.waves.sphere_rays import rays_to_sphere

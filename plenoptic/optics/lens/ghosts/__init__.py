@@ -1,0 +1,1 @@
+"""Ghosts: light that is reflected twice inside a lens."""

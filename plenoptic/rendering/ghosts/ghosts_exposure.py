@@ -1,0 +1,56 @@
+"""Ghosts in exposures: the light of all pairs of reflections is rendered by paths of its own, and added."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plenoptic.camera.ghost_camera import ghost_lens, opening_camera
+from plenoptic.errors import PlenopticWarning
+from plenoptic.rendering.exposure import Exposure
+from plenoptic.rendering.schedule.budget import Budget
+from plenoptic.rendering.schedule.run import RenderOptions, run
+from plenoptic.truth.channels import Truth
+
+if TYPE_CHECKING:
+    from plenoptic.rendering.plan.stages import Subject
+
+_FRACTION = 4
+"""Samples of the image for each of the ghosts, whose light is a small part of it."""
+
+
+def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Exposure:
+    """Exposure of a scene with the light of the ghosts of its camera's lens; variances add up.
+
+    Their paths have random numbers of their own, which do not depend on those of the image.
+    """
+    scene, ghosts, replicates = subject.scene, subject.settings.ghosts, shot.replicates
+    assert scene is not None and ghosts is not None and replicates is not None and shot.samples is not None
+    if not scene.has_surfaces_or_light:
+        return shot  # particles alone
+    if scene.points is not None:
+        scene = dataclasses.replace(scene, points=None)
+    each = (
+        max(shot.samples // _FRACTION // replicates, 1) if ghosts.samples is None else -(-ghosts.samples // replicates)
+    )
+    of_ghosts = dataclasses.replace(
+        subject,
+        scene=scene,
+        camera=opening_camera(subject.camera),
+        samples=each * replicates,
+        replicates=replicates,
+        truth=Truth.NONE,
+        ghosts=ghost_lens(subject.camera, ghosts.sensor, ghosts.array),
+    )
+    budget = Budget(each * replicates, None, None, replicates)
+    with warnings.catch_warnings():
+        # The image has warned of its own light; ghosts may well be dark.
+        warnings.simplefilter("ignore", PlenopticWarning)
+        light = run(of_ghosts, budget, options._replace(checkpoint=None, conditioning=None))
+    error = shot.standard_error
+    if error is not None and light.standard_error is not None:
+        error = np.hypot(error, light.standard_error)
+    return dataclasses.replace(shot, image=shot.image + light.image, standard_error=error)

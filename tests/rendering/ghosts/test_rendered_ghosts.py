@@ -1,0 +1,243 @@
+"""Ghosts in images beside paths that reflect by chance at all surfaces of the lens, and laws of their light."""
+
+import dataclasses
+import math
+
+import mirror_trace
+import numpy as np
+import pytest
+
+import plenoptic as pl
+
+TRIPLET = pl.load_lens("cooke-triplet-50mm-f5")
+SINGLET = pl.load_lens("singlet-100mm-f4")
+LAMP, DISTANCE = 150.0, 500.0
+"""Half side and distance in mm of a square lamp before a dark or grey background."""
+
+
+def camera_of(lens, side=6, **parts):
+    focus = pl.paraxial.cardinal_points(lens).rear_focus
+    sensor = pl.Sensor(shape=(side, side), pixel_pitch=24.0 / side)
+    return pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=focus, **parts)
+
+
+def scene_of(background, distance=DISTANCE):
+    lamp = LAMP * distance / DISTANCE
+    corners = [[-lamp, -lamp, 0], [lamp, -lamp, 0], [lamp, lamp, 0], [-lamp, lamp, 0]]
+    vertices = np.add(corners, (10.0, 0.0, -distance))
+    lamp = pl.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], material=pl.Emissive(1.0))
+    return pl.Scene([lamp], background=background)
+
+
+def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, seed=3):
+    """Light of two reflections on each pixel and its standard error."""
+    lens, random, z = camera.lens, np.random.default_rng(seed), camera.z_sensor
+    rows, columns = camera.sensor.shape
+    image, errors = np.zeros((2, rows, columns))
+    last = lens.elements[-1]
+    for row in range(rows):
+        for column in range(columns):
+            points = camera.sensor.centre_of(row, column) + camera.sensor.pixel_pitch * random.uniform(
+                -0.5, 0.5, (n, 2)
+            )
+            # Points of a disc around the rear element: the area per projected solid angle is distance^2 / cos^4 ...
+            radius = 1.3 * last.semi_diameter
+            r, angle = radius * np.sqrt(random.random(n)), 2 * math.pi * random.random(n)
+            target = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(n, lens.vertices[-1])])
+            origin = np.column_stack([points, np.full(n, z)])
+            along = target - origin
+            length = np.linalg.norm(along, axis=1)
+            cosine = -along[:, 2] / length
+            solid = math.pi * radius**2 * cosine**2 / length**2  # projected at both ends
+            p, d, light, turns = mirror_trace.chance(
+                lens, origin, along / length[:, None], random, sensor=None if sensor is None else (z, sensor)
+            )
+            d = np.where(d[:, 2:] < 0, d, np.nan)
+            hit = p[:, :2] + ((-distance - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
+            lit = np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP * distance / DISTANCE
+            light = np.where(turns == 2, light * solid * np.where(lit, 1.0, background), 0.0)
+            image[row, column], errors[row, column] = light.mean(), light.std() / math.sqrt(n)
+    return image, errors
+
+
+def ghosts_of(camera, scene, ghosts, *, seeds=8):
+    """Light of ghosts alone, (seeds, rows, columns): images with them less those without, whose bits they share."""
+    images = []
+    for seed in range(seeds):
+        options = {"samples": 2, "seed": seed, "progress": False}
+        image, both = (pl.render(scene, camera, ghosts=g, **options) for g in (None, ghosts))
+        images.append((both.image.astype(float) - image.image)[..., 0])
+    return np.array(images)
+
+
+@pytest.mark.parametrize(
+    "lens, background, sensor, distance",
+    [(SINGLET, 0.0, None, 50.0), (TRIPLET, 0.2, None, DISTANCE), (TRIPLET, 0.0, 0.3, DISTANCE)],
+    ids=["one pair and a near lamp", "all pairs", "sensor"],
+)
+def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor, distance):
+    camera = camera_of(lens)
+    expected, expected_error = by_chance(camera, background, sensor=sensor, distance=distance)
+    images = ghosts_of(camera, scene_of(background, distance), pl.rendering.Ghosts(sensor=sensor, samples=1024))
+    image, error = images.mean(axis=0), images.std(axis=0, ddof=1) / math.sqrt(len(images))
+    # Student's t of 7 degrees of freedom has a variance of 1.4.
+    z = (image - expected) / np.hypot(error, expected_error)
+    assert np.abs(z).max() < 6.0
+    assert np.mean(z * z) < 2.5
+    totals = images.sum(axis=(1, 2))
+    total_error = math.hypot(totals.std(ddof=1) / math.sqrt(len(totals)), np.linalg.norm(expected_error))
+    assert abs(totals.mean() - expected.sum()) < 4 * total_error < 0.1 * expected.sum()
+
+
+WHITE = pl.Scene([], background=1.0)
+
+
+def test_stated_errors_are_those_of_the_scatter_between_seeds():
+    """Variances of 36 pixels, means over 12 seeds; the image itself has little noise."""
+    camera, ghosts = camera_of(TRIPLET), pl.rendering.Ghosts(samples=512)
+    shots = [
+        pl.render(WHITE, camera, ghosts=ghosts, samples=4096, replicates=8, seed=seed, progress=False)
+        for seed in range(12)
+    ]
+    stated = np.mean([np.square(shot.standard_error, dtype=float).mean() for shot in shots])
+    scatter = np.var([shot.image.astype(float) for shot in shots], axis=0, ddof=1).mean()
+    # 36 times 11 degrees of freedom: a relative error of root 2 / 396 = 0.07, more for the tails of few hits.
+    assert stated == pytest.approx(scatter, rel=0.35)
+
+
+def test_off_is_the_image_of_before_and_on_does_not_change_its_paths():
+    camera, options = camera_of(TRIPLET), {"samples": 8, "progress": False}
+    image = pl.render(WHITE, camera, **options)
+    both = pl.render(WHITE, camera, ghosts=pl.rendering.Ghosts(), **options)
+    np.testing.assert_array_equal(pl.render(WHITE, camera, ghosts=None, **options).image, image.image)
+    assert (both.image >= image.image).all() and both.image.sum() > image.image.sum()
+    assert both.settings.ghosts == pl.rendering.Ghosts() and image.settings.ghosts is None
+
+
+def test_regions_and_tiles_have_the_same_bits():
+    camera = camera_of(TRIPLET, side=16)
+    options = {"samples": 16, "ghosts": pl.rendering.Ghosts(sensor=0.2, samples=32), "progress": False}
+    whole = pl.render(WHITE, camera, **options)
+    region = np.s_[3:9, 2:11]
+    part = pl.render(WHITE, camera, region=region, threads=1, tile_side=8, **options)
+    np.testing.assert_array_equal(part.image, whole.image[region])
+    np.testing.assert_array_equal(part.standard_error, whole.standard_error[region])
+
+
+def test_displaced_cameras_see_the_ghosts_of_a_displaced_scene():
+    """Pose and displaced lens: the frame of the opening follows both, up to rounding of coordinates."""
+    camera, options = camera_of(TRIPLET), {"samples": 2, "ghosts": pl.rendering.Ghosts(samples=256), "progress": False}
+    still = pl.render(scene_of(0.1), camera, **options)
+    pose = pl.Pose.look_at((100.0, -50.0, 30.0), (160.0, 20.0, 10.0))
+    (lamp,) = scene_of(0.1).meshes
+    moved = pl.Mesh(pose.to_world(lamp.vertices), lamp.faces, material=pl.Emissive(1.0))
+    posed = pl.render(pl.Scene([moved], background=0.1), dataclasses.replace(camera, pose=pose), **options)
+    np.testing.assert_allclose(posed.image, still.image, rtol=2e-3)
+    # A lens that stands 1 mm off, with the sensor as far off, is the camera 1 mm off; its rays are aimed otherwise.
+    shift = (1.0, -2.0, 0.5)
+    both = camera.moved(pl.CameraPart.LENS, shift=shift).moved(pl.CameraPart.SENSOR, shift=shift)
+    beside = dataclasses.replace(camera, pose=pl.Pose(np.eye(3), shift))
+    first, second = (ghosts_of(one, scene_of(0.1), pl.rendering.Ghosts(samples=1024)) for one in (both, beside))
+    error = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)) / len(first))
+    z = (first.mean(axis=0) - second.mean(axis=0)) / error
+    assert np.abs(z).max() < 5.0
+    assert np.mean(z * z) < 2.0
+
+
+def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
+    """Microlenses distribute the light of ghosts over pixels as they do that of the image, and lose as much of it."""
+    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
+    z, reflectance = 110.0, 0.2
+    array = pl.MicrolensArray(pitch=0.5, focal_lengths=(4.0,), lattice=pl.Lattice.SQUARE)
+    plenoptic = pl.PlenopticCamera(
+        lens=lens,
+        microlenses=array,
+        sensor=pl.Sensor(shape=(120, 120), pixel_pitch=0.1),
+        stop_to_microlenses=z,
+        microlenses_to_sensor=4.0,
+    )
+    plain = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor(shape=(12, 12), pixel_pitch=1.0), stop_to_microlenses=z)
+    means = {}
+    for name, camera, at, side in (("array", plenoptic, "array", 120), ("sensor", plain, "sensor", 12)):
+        images = [
+            pl.render(WHITE, camera, samples=2, ghosts=ghosts, progress=False).image.astype(float)
+            for ghosts in (
+                pl.rendering.Ghosts(samples=64 * 120 // side, **{at: reflectance}),
+                pl.rendering.Ghosts(samples=64 * 120 // side, **{at: 0.5 * reflectance}),
+                None,
+            )
+        ]
+        inner = slice(side // 4, -side // 4)
+        light = images[2][inner, inner].mean()
+        means[name] = [(image - images[2])[inner, inner].mean() / light for image in images[:2]]
+    # Micro images of ghosts spread over 2 mm, those of the image over 0.3 mm, where the light falls off by a tenth.
+    assert means["array"][0] == pytest.approx(means["sensor"][0], rel=0.08)
+    # Light of the array's pairs is in proportion to its reflectance, that of the others stays.
+    assert means["array"][0] > 1.1 * means["array"][1]
+
+
+def test_spectral_cameras_have_the_ghosts_of_their_wavelengths():
+    """A glass without dispersion: all channels see those of one wavelength."""
+    glass = pl.ConstantMedium(1.6)
+    lens = pl.LensStack(
+        [
+            pl.CircularStop(6.0, thickness=2.0),
+            pl.Surface(40.0, thickness=5.0, medium=glass, semi_diameter=10.0),
+            pl.Surface(-80.0, semi_diameter=10.0),
+        ]
+    )
+    camera = camera_of(lens)
+    spectral = dataclasses.replace(camera, sensitivity=pl.sensitivities.linear_srgb())
+    one, three = (
+        ghosts_of(each, pl.Scene([], background=1.0), pl.rendering.Ghosts(samples=1024), seeds=2)
+        for each in (camera, spectral)
+    )
+    assert three.mean() == pytest.approx(one.mean(), rel=0.02)
+
+
+def test_media_around_the_lens_scale_the_radiance_of_ghosts_as_of_the_image():
+    water = pl.ConstantMedium(1.33)
+    plate = [
+        pl.CircularStop(4.0, thickness=3.0),
+        pl.Surface(math.inf, thickness=4.0, medium=pl.ConstantMedium(1.8), semi_diameter=30.0),
+        pl.Surface(math.inf, semi_diameter=30.0),
+    ]
+    lens = pl.LensStack(plate, front_medium=water)
+    camera = pl.PlenopticCamera(lens=lens, sensor=pl.Sensor((2, 2), pixel_pitch=1.0), stop_to_microlenses=60.0)
+    ghosts = ghosts_of(camera, WHITE, pl.rendering.Ghosts(samples=1 << 14), seeds=2).mean()
+    image = pl.render(WHITE, camera, samples=4096, progress=False).image.mean()
+    # Through 3 t / n of glass instead of t / n the stop is seen that much farther away.
+    distance = 60.0 - 7.0 + 4.0 / 1.8 + 3.0 / 1.33
+    first, second = ((1.8 - 1.0) / 2.8) ** 2, ((1.8 - 1.33) / 3.13) ** 2
+    farther = (distance / (distance + 8.0 / 1.8)) ** 2
+    expected = first * second * (1.0 - first) * (1.0 - second) * farther
+    assert ghosts / image == pytest.approx(expected, rel=0.03)
+
+
+def test_particles_have_no_ghosts():
+    points = pl.Points([[0.0, 0.0, -600.0]], intensity=1.0)
+    camera, options = camera_of(TRIPLET), {"samples": 2, "progress": False}
+    alone = pl.Scene(points=points)
+    image, both = (pl.render(alone, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
+    np.testing.assert_array_equal(both.image, image.image)
+    beside = pl.Scene(points=points, background=1e-3)
+    image, both = (pl.render(beside, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
+    white, ghosts = (
+        pl.render(pl.Scene(background=1e-3), camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts())
+    )
+    np.testing.assert_allclose(
+        both.image - image.image, ghosts.image - white.image, atol=2e-7 * float(image.image.max())
+    )
+
+
+def test_bad_input_is_answered_by_a_sentence():
+    error = pl.errors.InvalidValueError
+    with pytest.raises(error, match=r"orders is 4; it must be at most 2"):
+        pl.rendering.Ghosts(orders=4)
+    with pytest.raises(error, match=r"sensor is 1\.2; its reflectance must be from 0 to 1"):
+        pl.rendering.Ghosts(sensor=1.2)
+    plenoptic, options = pl.camera.example_camera(shape=(8, 8)), {"samples": 2, "progress": False}
+    with pytest.raises(error, match="light is not traced back through microlenses"):
+        pl.render(WHITE, plenoptic, ghosts=pl.rendering.Ghosts(sensor=0.2), **options)
+    with pytest.raises(error, match="no microlenses: leave it out"):
+        pl.render(WHITE, camera_of(TRIPLET), ghosts=pl.rendering.Ghosts(array=0.2), **options)
