@@ -101,7 +101,7 @@ class _BodyProbe:
             covered[which] += distance
             for j, (ray, triangle) in enumerate(zip(which.tolist(), hits.triangle.tolist(), strict=True)):
                 stack, body = stacks[ray], self._body.get(int(mesh_of[triangle]))
-                if triangle < 0 or covered[ray] > 2.0 * radius[ray]:
+                if triangle < 0 or 2.0 * radius[ray] < covered[ray] < np.inf:
                     depths[ray] = -1 if stack else depths[ray]
                     continue
                 # Other surfaces may hide one of glass that coincides with them: the ray tells no more.
