@@ -39,6 +39,10 @@ def _scale(scene: Scene, camera: PlenopticCamera) -> Iterator[str]:
 def _glass(scene: Scene) -> Iterator[str]:
     meshes = [part.mesh if isinstance(part, Instances) else part for part in scene.meshes]
     glass = [k for k, mesh in enumerate(meshes) if isinstance(mesh.material, Dielectric)]
+    if any(scene.medium is not None or meshes[k].material.row().fills for k in glass):
+        from plenoptic.scene.body_nesting import wrong_bodies
+
+        yield from wrong_bodies(scene)
     for k in glass:
         if not meshes[k].is_inside_out:
             continue

@@ -22,13 +22,12 @@ _TAKES_LIGHT = np.ones(1, dtype=np.uint8)
 class MediumStage:
     """Points at which rays scatter in media; its arrays are reused for each bounce."""
 
-    def __init__(self, scene: SceneRecord, glass_index: Floats, capacity: int, channels: int) -> None:
+    def __init__(self, scene: SceneRecord, reach: Floats, channels: int) -> None:
         assert scene.media is not None
-        self._scene, self._media, self._glass_index = scene, scene.media, glass_index
-        self._surrounding = -1 if scene.surrounding is None else scene.surrounding
+        self._scene, self._media, capacity = scene, scene.media, len(reach)
         samples = np.empty((sobol.DIMENSIONS, capacity)), np.empty((sobol.DIMENSIONS, capacity))
         key, number = np.empty(capacity, dtype=np.uint64), np.empty(capacity, dtype=np.uint32)
-        self._flights = Flights(np.empty(capacity), np.empty(capacity), *samples, key, number)
+        self._flights = Flights(reach, np.empty(capacity), *samples, key, number)
         self._distances, self._lit = np.empty(capacity), np.empty((2, capacity))
         self._buffer = Interactions(
             rows=np.empty((capacity, INTERACTION_COLUMNS)),
@@ -44,13 +43,12 @@ class MediumStage:
         self._points, self._ends = self._buffer.first(0), self._distances[:0]
 
     def begin_flights(self, queue: RayQueue, hits: Hits, keys: PathKeys, bounce: int, wavelengths: Wavelengths) -> None:
-        """Find how far rays fly in the medium around them, and draw their random numbers."""
-        n, points, scene = len(hits.triangle), self._buffer, self._scene
+        """List the rays that fly in scattering media, and draw their random numbers."""
+        n, points = len(hits.triangle), self._buffer
         flights = self._flights.first(n)
         stream = flights.key, flights.number, keys.path[:n], keys.key, keys.number
         sobol.fill_samples(flights.distance_random, *stream, _FLIGHT_SETS + bounce)
         sobol.fill_samples(flights.light_random, *stream, _LIGHT_SETS + bounce)
-        scattering.fill_reaches(flights.reach, queue, hits, scene.geometry, self._glass_index, self._surrounding)
         self._points = points.first(int(medium_light.list_flights(points, flights, queue, self._media, wavelengths)))
 
     def draw_lights(self, shadow: ShadowRays, queue: RayQueue, hits: Hits, wavelengths: Wavelengths) -> int:

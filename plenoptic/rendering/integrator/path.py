@@ -75,12 +75,13 @@ class PathIntegrator:
             self._media = media_at(scene, intersector, camera.front)
             glass = None if scene.bsdf is None else scene.bsdf.glass_index
             self._glass_index = np.zeros((len(scene.absorption), 2)) if glass is None else glass
+            self._reach = np.empty(capacity)
         self._absorption = scene.absorption
         self._medium_stage: MediumStage | None = None
         if plan.runs(Stage.MEDIA):
             from plenoptic.rendering.integrator.medium_stage import MediumStage
 
-            self._medium_stage = MediumStage(scene, self._glass_index, capacity, channels)
+            self._medium_stage = MediumStage(scene, self._reach, channels)
         elif scene.media is not None:
             # Without bounces, light that would be scattered is lost.
             self._absorption = scene.media.extinction
@@ -188,21 +189,24 @@ class PathIntegrator:
         scene, queue = self.scene, self._queue
         if self._sees_sky:
             self._sky_emission(radiance, queue, hits, scene.lights.sky, wavelengths)
-        if self._medium_stage is not None:
-            self._fly(self._medium_stage, radiance, hits, bounce, wavelengths)
-        if self._absorption is not None and scene.geometry is not None:
-            from plenoptic.scene.materials.kernels.absorption import fill_absorption
-
-            fill_absorption(queue, hits, scene.geometry, self._glass_index, self._absorption, wavelengths)
+        if self._absorption is not None:
+            self._fly(self._absorption, radiance, hits, bounce, wavelengths)
         if scene.emission is not None:
             self._emission(radiance, queue, hits, scene.geometry, scene.emission, wavelengths)
 
-    def _fly(self, stage: MediumStage, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths) -> None:
-        """Add the light that media scatter along rays, and take the hits from the rays that scatter before them."""
-        stage.begin_flights(self._queue, hits, self._path_keys(), bounce, wavelengths)
-        if self._lights and bounce < self._settings.max_bounces:
-            self._add_visible_lights(radiance, stage.draw_lights(self._shadow, self._queue, hits, wavelengths))
-        stage.end_flights(self._queue, hits, wavelengths)
+    def _fly(self, absorption: Floats, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths) -> None:
+        """Attenuate rays by media, add the light that these scatter, and end rays that scatter before their hit."""
+        from plenoptic.scene.materials.kernels.absorption import fill_absorption, fill_reaches
+
+        scene, queue, stage, reach = self.scene, self._queue, self._medium_stage, self._reach[: len(hits.triangle)]
+        surrounding = -1 if scene.surrounding is None else scene.surrounding
+        fill_reaches(reach, queue, hits, scene.geometry, self._glass_index, surrounding)
+        if stage is not None:
+            stage.begin_flights(queue, hits, self._path_keys(), bounce, wavelengths)
+            if self._lights and bounce < self._settings.max_bounces:
+                self._add_visible_lights(radiance, stage.draw_lights(self._shadow, queue, hits, wavelengths))
+            stage.end_flights(queue, hits, wavelengths)
+        fill_absorption(queue, reach, hits, absorption, wavelengths)
 
     def _scatter(
         self, radiance: Floats, hits: Hits, bounce: int, wavelengths: Wavelengths, observer: PathObserver | None

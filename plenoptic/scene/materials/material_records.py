@@ -78,6 +78,11 @@ class MaterialRow(NamedTuple):
         return self.reflects and not self.specular
 
     @property
+    def fills(self) -> bool:
+        """True if the body behind the surface absorbs or scatters light."""
+        return bool(np.any(self.absorption) or np.any(self.scattering))
+
+    @property
     def is_grey(self) -> bool:
         """True if red, green and blue are treated alike."""
         return all(map(is_grey, (self.base_color, self.emission, self.absorption, self.scattering, self.metal_index)))

@@ -9,6 +9,7 @@ import pytest
 
 import plenoptic as pl
 from plenoptic.rendering.integrator.kernels import flight_profiles
+from plenoptic.scene.lights.light_records import EXTENT
 
 sys.path.insert(0, str(Path(__file__).parent))
 from pinholes import flat, pinhole, radiance, radiance_once  # noqa: E402
@@ -108,6 +109,25 @@ def test_distances_follow_their_density(begin, end):
     density = np.array([flight_profiles.profile_density(profile, x) for x in t])
     near = slice(200, -200)
     np.testing.assert_allclose(np.gradient(u, t)[near] / density[near], 1.0, rtol=1e-3)
+
+
+def test_extents_are_those_of_each_lamp():
+    # Two quads and two places of a bar that shines: half the diagonals of the boxes around them.
+    quads = [pl.QuadLight.facing((0, 0, -z), (0, 0, 0), (6, 8), radiance=1.0) for z in (50.0, 60.0)]
+    places = np.stack([np.eye(4), np.diag([3.0, 1.0, 1.0, 1.0])])
+    places[:, 2, 3] = -80.0, -90.0
+    bars = pl.scene.Instances(pl.box((2, 2, 1), material=pl.Emissive(1.0)), places)
+    lights = pl.Scene([bars], quads, medium=MEDIA[0]).tables().lights
+    extent, kinds = lights.areas[:, EXTENT], lights.items["instance"]
+    np.testing.assert_allclose(extent[kinds < 0], 5.0)
+    np.testing.assert_allclose(extent[kinds == 0], 1.5)
+    np.testing.assert_allclose(extent[kinds == 1], 0.5 * math.sqrt(36 + 4 + 1))
+
+
+def test_lights_larger_than_their_distance_have_no_profile():
+    near, far = (flight_profiles.point_profile((x, 0.0, -9.0), (0.0, 0.0, -1.0), 5.0, 0.0, 90.0) for x in (4.9, 20.0))
+    assert near == flight_profiles.no_profile() and near[1] == 0.0
+    assert far[1] == pytest.approx(0.5 * (1 - 25 / 400))
 
 
 def test_lamps_in_view_of_the_camera_are_hardly_noisy():

@@ -14,44 +14,9 @@ from plenoptic.core.kernels.sobol import random_number
 from plenoptic.core.kernels.vectors import add, dot, fill_vector, frame_about, row_vector, scale
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.scene.geometry.kernels.intersect import corners, intersect_triangle, is_reflection
-from plenoptic.scene.materials.kernels.absorption import enter, holds, innermost
-from plenoptic.scene.materials.material_records import INSIDE
+from plenoptic.scene.materials.kernels.absorption import innermost
 
 _ROULETTE = np.uint64(314)
-
-
-@kernel
-def fill_reaches(reach, queue, hits, geometry, glass_index, surrounding):
-    """Fill how far rays go from their start before they hit a surface, in mm; inf without one.
-
-    The media of rays are put right: one that hits the back of a body's surface was inside that body. One that hits
-    nothing has missed the surface of its body by rounding, and is in the scene's medium (`surrounding`, -1 if none).
-    """
-    rays, inside_of = queue.rays, queue.media
-    triangle_hit, instances, travelled = hits.triangle, hits.instance, hits.travelled
-    vertices = geometry.vertices
-    triangles = geometry.triangles
-    triangle_material = geometry.triangle_material
-    instance_to_world = geometry.instance_to_world
-    for i in range(reach.size):
-        reach[i] = math.inf
-        k = triangle_hit[i]
-        if k < 0:
-            for body in range(inside_of.shape[1]):
-                inside_of[i, body] = surrounding if body == 0 else -1
-        elif vertices is not None:
-            instance = -1 if instances is None else instances[i]
-            direction = row_vector(rays, i, 3)
-            triangle = corners(vertices, triangles, k, instance_to_world, instance)
-            t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
-            behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
-            material = triangle_material[k]
-            if behind and glass_index[material, INSIDE] > 0.0 and not holds(inside_of[i], material):
-                enter(inside_of[i], material)
-            reach[i] = max(t, 0.0)
-            if travelled is not None:
-                reach[i] += travelled[i]
 
 
 @kernel

@@ -19,37 +19,51 @@ from plenoptic.scene.materials.material_records import INSIDE
 
 
 @kernel
-def fill_absorption(queue, hits, geometry, glass_index, absorption, wavelengths):
-    """Attenuate rays by the media along them since their origin (Beer-Lambert).
+def fill_reaches(reach, queue, hits, geometry, glass_index, surrounding):
+    """Fill how far rays go from their start before they hit a surface, in mm; inf without one.
 
-    A ray that hits the back of a body's surface was inside that body, also where the row does not hold it.
+    The media of rays are put right: one that hits the back of a body's surface was inside that body. One that hits
+    nothing has missed the surface of its body by rounding, and is in the scene's medium (`surrounding`, -1 if none).
     """
-    rays, throughput, media = queue.rays, queue.throughput, queue.media
+    rays, inside_of = queue.rays, queue.media
+    triangle_hit, instances, travelled = hits.triangle, hits.instance, hits.travelled
+    vertices = geometry.vertices
+    triangles = geometry.triangles
+    triangle_material = geometry.triangle_material
     instance_to_world = geometry.instance_to_world
-    instances = hits.instance
-    travelled = hits.travelled
+    for i in range(reach.size):
+        reach[i] = math.inf
+        k = triangle_hit[i]
+        if k < 0:
+            for body in range(inside_of.shape[1]):
+                inside_of[i, body] = surrounding if body == 0 else -1
+        elif vertices is not None:
+            instance = -1 if instances is None else instances[i]
+            direction = row_vector(rays, i, 3)
+            triangle = corners(vertices, triangles, k, instance_to_world, instance)
+            t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
+            behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
+            material = triangle_material[k]
+            if behind and glass_index[material, INSIDE] > 0.0 and not holds(inside_of[i], material):
+                enter(inside_of[i], material)
+            reach[i] = t if t > 0.0 else 0.0
+            if travelled is not None:
+                reach[i] += travelled[i]
+
+
+@kernel
+def fill_absorption(queue, reach, hits, absorption, wavelengths):
+    """Attenuate the rays that hit a surface by the media along them (Beer-Lambert)."""
+    throughput = queue.throughput
     waves = wavelengths.number
     basis = wavelengths.basis
-    for i in range(hits.triangle.size):
-        k = hits.triangle[i]
-        if k < 0:
+    for i in range(reach.size):
+        inside = innermost(queue.media[i])
+        if hits.triangle[i] < 0 or inside < 0:
             continue
-        instance = -1 if instances is None else instances[i]
-        triangle = corners(geometry.vertices, geometry.triangles, k, instance_to_world, instance)
-        direction = row_vector(rays, i, 3)
-        t, _, _, normal = intersect_triangle(row_vector(rays, i, 0), direction, triangle)
-        behind = (dot(normal, direction) > 0.0) != is_reflection(instance_to_world, instance)
-        material = geometry.triangle_material[k]
-        if behind and glass_index[material, INSIDE] > 0.0 and not holds(media[i], material):
-            enter(media[i], material)
-        inside = innermost(media[i])
-        if inside < 0 or not t > 0.0:
-            continue
-        if travelled is not None:
-            t += travelled[i]
         wave = wavelength_index(waves, queue.path[i])
         for c in range(throughput.shape[1]):
-            throughput[i, c] *= math.exp(-t * row_channel(absorption, inside, c, basis, wave))
+            throughput[i, c] *= math.exp(-reach[i] * row_channel(absorption, inside, c, basis, wave))
 
 
 @device
