@@ -2,10 +2,9 @@
 Contrast in fog against depth
 =============================
 
-Signs at 10 to 80 m at night, in fog with a visibility of 100 m, and a street lamp among them. Fog leaves exp(-optical
-depth) of the light that comes straight from a sign, which ``Truth.TRANSMITTANCE`` says for each pixel. White minus
-black is that much and what droplets deflect by small angles, so that it still comes from the direction of the sign. The
-light of the lamp that fog scatters lies over both halves and lowers their contrast.
+Signs at 10 to 80 m at night, in fog with a visibility of 100 m, and a street lamp beside them. Fog leaves exp(-optical
+depth) of the light that comes straight from a sign, which ``Truth.TRANSMITTANCE`` says for each pixel. The light that
+fog scatters lies over white and black alike: their difference follows the transmittance, and their contrast is lost.
 """
 
 # %%
@@ -30,6 +29,7 @@ output.mkdir(parents=True, exist_ok=True)
 # ----------------
 #
 # Each sign is as wide as one sixth of the field, its upper half shines, its lower half is black. Lengths are in mm.
+# The lamp hangs beside the field at the height of their middles, so that fog adds as much light to both halves.
 
 distances = np.geomspace(10_000, 80_000, 5)
 FIELD = 8.4 / 123.3  # width of the field over the distance
@@ -40,7 +40,7 @@ for k, z in enumerate(distances):
     upper = pl.quad((left, 0, -z), (size, 0, 0), (0, -low, 0), material=pl.Emissive(1.0))
     lower = pl.quad((left, low, -z), (size, 0, 0), (0, -low, 0), material=pl.Lambertian(0.0))
     signs += [upper, lower]
-lamp = pl.lights.SphereLight((700.0, 900.0, -30_000), radius=150.0, radiance=150.0)
+lamp = pl.lights.SphereLight((1600.0, 0.0, -30_000), radius=150.0, radiance=150.0)
 fog = pl.materials.fog(VISIBILITY, g=0.85)
 scene = pl.Scene(signs, [lamp], medium=fog)
 
