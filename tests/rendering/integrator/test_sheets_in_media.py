@@ -61,7 +61,7 @@ def test_light_of_sheets_is_that_of_quadrature(sheet, largest_error):
 
 @pytest.mark.parametrize(("scattering", "largest_error"), [(1e-4, 3e-6), (1e-3, 3e-5)])
 def test_thin_sheets_in_thin_media_have_small_errors(scattering, largest_error):
-    # Drawn where rays scatter, 64 samples have errors of 0.38 and 0.03 here.
+    # With distances drawn by the extinction alone, 64 samples have errors of 2.5 and 2.3 here.
     sheet = Sheet((0, 0, -200), (1, 0, 0), (0, 0, 1), 1.0, 1e3, start=-100.0)
     scene = pl.Scene([STOP], [sheet], medium=Medium(0.0, scattering))
     seen = np.stack([radiance_once(scene, NARROW, 64, seed, max_bounces=1) for seed in range(8)])
