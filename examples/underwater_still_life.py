@@ -3,8 +3,8 @@ A still life under water
 ========================
 
 A light-field camera behind the dome of its housing looks at a few things on sand, in the coastal water of Jerlov's type
-1C, beside a lamp. Water takes red from what is far, and scatters the lamp's light towards the camera. The same scene
-without water beside it, and the transmittance to the first hit, which ``Truth.TRANSMITTANCE`` says.
+1C, by the light of a torch beside it. Water takes red from what is far, and scatters the torch's light towards the
+camera. The same scene without water beside it, and the transmittance to the first hit (``Truth.TRANSMITTANCE``).
 """
 
 # %%
@@ -18,8 +18,8 @@ import numpy as np
 import plenoptic as pl
 
 SMALL = os.environ.get("PLENOPTIC_EXAMPLE_SIZE") == "small"
-SHAPE = (64, 96) if SMALL else (480, 720)
-SAMPLES = 16 if SMALL else 128
+SHAPE = (64, 96) if SMALL else (240, 360)
+SAMPLES = 16 if SMALL else 64
 BOUNCES = 4 if SMALL else 6
 
 output = Path("output/underwater_still_life")
@@ -34,30 +34,30 @@ output.mkdir(parents=True, exist_ok=True)
 
 WATER = 1.333
 random = np.random.default_rng(7)
-grains = np.clip(0.75 + 0.12 * random.normal(size=(256, 256, 1)), 0, 1) * (0.80, 0.70, 0.52)
-sand = pl.quad((-900, -190, -250), (1800, 0, 0), (0, 330, -2100), material=pl.Lambertian(pl.Texture(grains)))
+grains = np.clip(0.75 + 0.12 * random.normal(size=(512, 512, 1)), 0, 1) * (0.80, 0.70, 0.52)
+sand = pl.quad((-500, -60, -400), (1000, 0, 0), (0, 300, -2000), material=pl.Lambertian(pl.Texture(grains)))
 
 
 def on_sand(x, z, height):
     """Point above the sand."""
-    return x, -190 + 330 / 2100 * (-250 - z) + height, z
+    return x, -60 - 0.15 * (400 + z) + height, z
 
 
 up = np.linspace(0, 1, 33)
-profile = np.stack([22 + 16 * np.sin(0.2 + 2.9 * up) ** 2 - 14 * up, 150 * up], axis=1)
-amphora = pl.shapes.turned(profile, material=pl.Lambertian((0.70, 0.30, 0.16)))
+profile = np.stack([13 + 9 * np.sin(0.2 + 2.9 * up) ** 2 - 8 * up, 78 * up], axis=1)
+clay = pl.Lambertian((0.70, 0.30, 0.16))
 things = [
-    amphora.translated(*on_sand(-85, -640, 0)),
-    amphora.rotated_deg((0, 0, 1), 74).translated(*on_sand(150, -1050, 30)),
-    pl.sphere(42, center=on_sand(40, -720, 36), material=pl.Dielectric(1.52 / WATER)),
-    pl.sphere(24, center=on_sand(-8, -560, 22), material=pl.MetallicRoughness((0.75, 0.08, 0.06), roughness=0.4)),
-    pl.sphere(120, center=on_sand(-330, -1500, 40), material=pl.materials.RoughDiffuse((0.45, 0.42, 0.38))),
-    pl.sphere(95, center=on_sand(330, -1700, 40), material=pl.materials.RoughDiffuse((0.60, 0.50, 0.42))),
-    pl.box(70, material=pl.Lambertian((0.85, 0.65, 0.10)))
+    pl.shapes.turned(profile, material=clay).translated(*on_sand(-52, -660, -2)),
+    pl.shapes.turned(0.9 * profile, material=clay).rotated_deg((0, 0, 1), 76).translated(*on_sand(95, -1000, 14)),
+    pl.sphere(16, center=on_sand(6, -640, 14), material=pl.Dielectric(1.52 / WATER)),
+    pl.sphere(11, center=on_sand(-18, -570, 9), material=pl.MetallicRoughness((0.75, 0.08, 0.06), roughness=0.4)),
+    pl.sphere(60, center=on_sand(-150, -1500, 20), material=pl.materials.RoughDiffuse((0.45, 0.42, 0.38))),
+    pl.sphere(45, center=on_sand(60, -1700, 15), material=pl.materials.RoughDiffuse((0.60, 0.50, 0.42))),
+    pl.box(26, material=pl.Lambertian((0.85, 0.65, 0.10)))
     .rotated_deg((0, 1, 0), 30)
-    .translated(*on_sand(120, -620, 35)),
+    .translated(*on_sand(50, -620, 13)),
 ]
-lamp = pl.QuadLight.facing((-260, 330, -330), (0, -60, -750), (120, 120), radiance=(60.0, 60.0, 60.0))
+lamp = pl.lights.SpotLight.facing((-220, 300, -250), (20, -20, -900), intensity=3e6, inner_angle=0.45, outer_angle=0.7)
 water = pl.materials.jerlov_water("1C")
 clear = pl.Scene([sand, *things], [lamp])
 scene = dataclasses.replace(clear, medium=water)
@@ -89,7 +89,7 @@ print(f"in water: relative error {100 * wet.relative_error:.1f} %, {wet.stats.cp
 # -------------------
 #
 # At each distance the light that comes from the first hit is that of the transmittance there and on the way from the
-# lamp; the rest is scattered, more of it blue.
+# torch; the rest is scattered, more of it blue.
 
 distance = wet.truth.distance
 for low, high in ((500, 700), (700, 1000), (1000, 2000)):

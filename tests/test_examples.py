@@ -19,7 +19,7 @@ MAIN_LENSES = ("achromat-100mm-f4.4", "double-gauss-100mm-f2")
 
 PLAIN = (
     *("paper_camera", "textured_mesh", "disparity", "file_gallery", "targets", "focused_views", "enough_samples"),
-    *("lens_library", "lens_report", "ghosts"),
+    *("lens_library", "lens_report", "ghosts", "fog_and_depth", "underwater_still_life"),
 )
 """Those whose figures no test below looks at."""
 

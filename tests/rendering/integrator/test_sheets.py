@@ -135,7 +135,7 @@ def test_sheets_that_meet_nothing_are_told():
         warnings.simplefilter("error")
         for scene in (
             pl.Scene([floor()], [dataclasses.replace(away, position=(0, 0, -101))], background=0.1),
-            pl.Scene([floor()], [away], medium=Medium(scattering=0.01)),
+            pl.Scene([floor()], [dataclasses.replace(away, position=(0, 0, -50))], medium=Medium(scattering=0.01)),
             pl.Scene([], [dataclasses.replace(away, position=(0, 0, -50))], medium=Medium(scattering=0.01)),
             pl.Scene([], [particles.sheet], points=particles),
             pl.Scene([floor()], [particles.sheet], points=particles),

@@ -14,16 +14,29 @@ from plenoptic.core.kernels.vectors import add, dot, fill_vector, row_vector, sc
 from plenoptic.core.kernels.wavelengths import row_channel, wavelength_index
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.rendering.integrator.kernels.flight_profiles import (
+    lit_by_sheet,
     lit_by_spot,
     no_profile,
     point_profile,
     profile_density,
     sample_profile,
+    sheet_profile,
 )
 from plenoptic.rendering.integrator.kernels.medium_scattering import phase
 from plenoptic.scene.geometry.geometry_records import POINT as INTERACTION_POINT
 from plenoptic.scene.lights.kernels.sky import sample_cdf, weight
-from plenoptic.scene.lights.light_records import CORNER, DIRECTION, EDGE_1, EDGE_2, END, EXTENT, PDF, POINT, TRIANGLE
+from plenoptic.scene.lights.light_records import (
+    CORNER,
+    DIRECTION,
+    EDGE_1,
+    EDGE_2,
+    END,
+    EXTENT,
+    PDF,
+    POINT,
+    SHEET,
+    TRIANGLE,
+)
 from plenoptic.scene.materials.kernels.absorption import innermost
 
 DISTANCE, OVER_DENSITY = 0, 1
@@ -83,6 +96,7 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
     cdf, items = lights.cdf, lights.items
     areas = lights.areas
     lamps = lights.points
+    sheets = lights.sheets
     waves = wavelengths.number
     basis = wavelengths.basis
     channels = throughput.shape[1]
@@ -106,6 +120,14 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
                 to_lamp = sub((lamp.x, lamp.y, lamp.z), origin)
                 begin, end = lit_by_spot(lamp, to_lamp, direction, reach[i])
                 profile = point_profile(to_lamp, direction, 0.0, begin, end)
+        if sheets is not None:
+            if items[light].kind == SHEET:
+                sheet, largest = sheets[items[light].row], 0.0
+                for c in range(channels):
+                    largest = max(largest, row_channel(extinction, inside, c, basis, wave))
+                to_waist = sub((sheet.x, sheet.y, sheet.z), origin)
+                begin, end = lit_by_sheet(sheet, to_waist, direction, reach[i])
+                profile = sheet_profile(sheet, to_waist, direction, largest, begin, end)
         probability, total, distance, density = profile[1], 0.0, begin, 0.0
         if not end > begin:
             continue
