@@ -94,6 +94,13 @@ def test_the_twin_of_a_calibrated_camera_projects_as_it_does(ran):
 
 
 @SLOW
+def test_displacements_of_particles_behind_a_window_are_those_of_the_projection(ran):
+    _, said = ran("vortex_behind_window")
+    ((difference,),) = _numbers(said, "weights and projection differ by")
+    assert difference < 0.01
+
+
+@SLOW
 def test_stop_behind_the_lens_cuts_micro_images_off_in_the_corner_only(ran):
     folder, _ = ran("stop_shapes")
 

@@ -15,7 +15,6 @@ from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import ImplausibleSceneWarning, SceneError
 from plenoptic.scene.points import Points
-from plenoptic.scene.textures.color import is_grey
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -95,7 +94,7 @@ def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband
     if medium is not None:
         extinction = np.zeros(3) + np.add(medium.absorption, medium.scattering)
     if camera.sensitivity is None:
-        if extinction is None or is_grey(extinction):
+        if extinction is None or np.ptp(extinction) == 0.0:
             return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3, extinction),)
         return (Passband(diffraction_record(camera), np.eye(3), extinction),)
     tables = colour_tables(camera.sensitivity)

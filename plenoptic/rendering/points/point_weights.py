@@ -136,7 +136,13 @@ class PointWeights:
     def _check_shapes(self) -> None:
         n, m = self.light.size, self.pixel.size
         channels, colours = (3 if getattr(self, name).shape[-1:] == (3,) else 1 for name in ("weight", "intensity"))
-        shapes = {"shape": (2,), "indptr": (n + 1,), "pixel": (m,), "light": (n,), "light_error": (n,)}
+        shapes: dict[str, tuple[int, ...]] = {
+            "shape": (2,),
+            "indptr": (n + 1,),
+            "pixel": (m,),
+            "light": (n,),
+            "light_error": (n,),
+        }
         shapes |= {"weight": (m, channels), "weight_error": (m, channels)}
         shapes |= {"centroid": (n, 2), "intensity": (n, colours)}
         for name, shape in shapes.items():
@@ -254,8 +260,8 @@ class PointWeights:
 
                 content = read_file(source, limits)
                 arrays = {name: read_apart(numbers_at, content, limits, name)[name] for name in _NAMES}
-            scalars = {name: arrays[name].item() for name in ("pitch", "rays", "seed")}
-            return cls(**{name: arrays[name] for name in (*_INTEGERS, *_FLOATS)}, **scalars)
+            pitch, rays, seed = (arrays[name].item() for name in ("pitch", "rays", "seed"))
+            return cls(**{name: arrays[name] for name in (*_INTEGERS, *_FLOATS)}, pitch=pitch, rays=rays, seed=seed)
 
 
 def _checked_path(path: Any) -> Any:

@@ -97,3 +97,18 @@ def test_renders_in_a_medium_show_particles_and_surfaces():
 
 def weights_of_render(scene):
     return pl.rendering.point_weights(POINTS, BARE, scene=scene, progress=False).image()
+
+
+def test_a_light_sheet_is_weakened_from_its_start_to_each_particle():
+    positions = [(x, 0.0, -404.0) for x in (-4.0, -1.0, 2.0)]
+    losses, start = np.array([1e-2, 3e-2, 9e-2]), -2.0
+    sheet = pl.lights.Sheet((0, 0, -404), (1, 0, 0), (0, 0, 1), thickness=2.0, irradiance=1e3, start=start)
+    points = pl.Points(positions, diameter=0.1, sheet=sheet)
+    lit = points.intensities((0.0, 0.0, 0.0))
+    coloured = weights_in(pl.Scene(points=points, medium=pl.materials.Medium(tuple(losses))), points=points)
+    image, _ = coloured.image()
+    for k, loss in enumerate(losses):
+        weights = weights_in(pl.Scene(points=points, medium=pl.materials.Medium(0.0, loss)), points=points)
+        expected = lit * np.exp(-loss * np.array([0.0, 1.0, 4.0]))
+        assert lit[0] == 0 < lit[1] and np.allclose(weights.intensity[:, 0], expected, rtol=1e-12)
+        assert np.allclose(image[..., k], weights.image()[0][..., 0], rtol=1e-5, atol=0)

@@ -107,36 +107,24 @@ def entrance_polygon(where: Entrance, point: Floats) -> Floats | None:
     """Corners (SIDES, 2) of a polygon on the plane of the entrance around all transmitted rays from a point; None if
     dark.
     """
-    outline = _searched_outline(where, point)
-    return None if outline is DARK else polygon_around(outline.support)
-
-
-def _searched_outline(where: Entrance, point: Floats) -> Outline:
-    """Outline from a second search if the first one finds no light."""
     outline = _outline(where, point)
     if outline is DARK:
         rim = Guess(*_rim_box(where, point), _DENSE)
         with np.errstate(all="ignore"):
             outline = light_outline(PupilRays(where.parts, point, where.z), [rim], rim, _FINE)
-    return outline
+    return None if outline is DARK else polygon_around(outline.support)
 
 
 def _disc_polygon(where: Entrance, point: Floats, radius: float) -> Floats | None:
     """Polygon as of `entrance_polygon` around all rays from a disc that faces each of them."""
-    outline = _searched_outline(where, point)
-    support = _rim_support(where, point) if outline is DARK else outline.support
-    radius = float(_radius_in_plane(polygon_around(support), where.z, point, radius))
+    outline = _outline(where, point)
+    farthest = np.stack(_rim_box(where, point)) if outline is DARK else polygon_around(outline.support)
+    radius = float(_radius_in_plane(farthest, where.z, point, radius))
     if radius <= 0.5 * _SMALL_DISC * float((outline.support + np.roll(outline.support, SIDES // 2)).min()):
         return polygon_around(outline.support + radius)
     ring = [_outline(where, point + radius * offset).support for offset in _RING]
     support = np.max([outline.support, *ring], axis=0)
     return polygon_around(support) if np.isfinite(support[0]) else None
-
-
-def _rim_support(where: Entrance, point: Floats) -> Floats:
-    (left, bottom), (right, top) = _rim_box(where, point)
-    corners = np.array([(left, bottom), (right, bottom), (left, top), (right, top)])
-    return np.asarray((corners @ normals_of(SIDES).T).max(axis=0))
 
 
 def _radius_in_plane(corners: Floats, z: float, point: Floats, radius: Floats | float) -> Floats:
@@ -172,8 +160,8 @@ def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = N
     radii = None if radius is None else radius[near]
     polygons[near], is_dark[near] = _polygons_of_simplices(where, points[near], radii)
     for k in np.flatnonzero(np.isnan(polygons[:, 0, 0]) & ~is_dark):
-        is_disc = radius is not None and radius[k] > 0.0
-        corners = _disc_polygon(where, points[k], radius[k]) if is_disc else entrance_polygon(where, points[k])
+        size = 0.0 if radius is None else float(radius[k])
+        corners = _disc_polygon(where, points[k], size) if size else entrance_polygon(where, points[k])
         if corners is not None:
             polygons[k] = corners
     return polygons
