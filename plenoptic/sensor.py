@@ -5,6 +5,7 @@ from plenoptic.optics.sensor.angular_response import AngularResponse
 from plenoptic.optics.sensor.color_filter import BayerPattern
 from plenoptic.optics.sensor.demosaic import DemosaicMethod
 from plenoptic.optics.sensor.dual_pixel_sensor import dual_pixel
+from plenoptic.optics.sensor.dual_pixels import DualPixels
 from plenoptic.optics.sensor.model import SensorModel, ShotNoise
 from plenoptic.optics.sensor.radiometry import dark_current_at, photon_rate
 from plenoptic.optics.sensor.sensor import Sensor
@@ -17,6 +18,7 @@ __all__ = [
     "AngularResponse",
     "BayerPattern",
     "DemosaicMethod",
+    "DualPixels",
     "PairGeometry",
     "PhotonTransfer",
     "RawImage",

@@ -65,7 +65,7 @@ class PairGeometry:
         The column of a point in the left image minus that in the right one: positive for points nearer than the plane
         in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
         depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
-        is linear in c.
+        is linear in c. Crosstalk between wells comes on top: a scalar c takes c of the disparity.
         """
         _, a, b, c, d = self._features(region)
         inverse_z = -1.0 / numbers(depth, "depth")

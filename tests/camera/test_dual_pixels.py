@@ -272,7 +272,7 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
     [
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), split=(1, 3)), r"split is \(1, 3\); it must be \(1, 2\)"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), cra=3.0), "cra is 3 rad; it must be from 0 to below pi / 2"),
-        (lambda: pl.sensor.dual_pixel(0.001, (4, 4), gap=0.0005), "gap is 0.0005 mm; two wells .* leave room below"),
+        (lambda: pl.sensor.dual_pixel(0.001, (4, 4), gap=0.0005), "gap is 0.5 pitches; two wells leave room below"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), height=-1.0), "height is -1 mm; it must be above 0"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), crosstalk=1.5), "crosstalk has shares from -0.5"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), crosstalk=np.ones((3, 3))), "which add up to 9"),
@@ -300,6 +300,16 @@ def test_tables_in_files(tmp_path):
     for wrong in (path, tmp_path / "none.csv"):
         with pytest.raises(pl.errors.FileError, match="no table of angle in degrees, left and right"):
             pl.sensor.dual_pixel(0.001, (4, 4), table=wrong)
+
+
+def test_files_keep_dual_pixels(tmp_path):
+    camera = camera_of(12.0, shape=(4, 6), crosstalk=0.1, table=[[-0.4, 0.7, 0.1], [0.4, 0.2, 0.6]])
+    shots = [pl.render_white(each, samples=4, progress=False) for each in pl.sensor.well_cameras(camera)]
+    for name, shot in zip("ab", shots, strict=True):
+        shot.save(tmp_path / f"{name}.exr")
+    again = [pl.Exposure.load(tmp_path / f"{name}.exr") for name in "ab"]
+    assert [shot.camera for shot in again] == [shot.camera for shot in shots]
+    assert np.array_equal(pl.sensor.read_wells(again).wells, pl.sensor.read_wells(shots).wells)
 
 
 def test_no_warning_of_gaps_or_few_pixels():

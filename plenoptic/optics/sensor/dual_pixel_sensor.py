@@ -9,12 +9,10 @@ import os
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.core.values import Floats, file_path, frozen_array, length_in_mm, not_negative, radians
+from plenoptic.core.values import Floats, file_path, length_in_mm, not_negative, radians
 from plenoptic.errors import FileError, InvalidValueError
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 from plenoptic.optics.sensor.sensor import Sensor
-
-_ROUNDING = 1e-6
 
 
 def dual_pixel(
@@ -71,49 +69,18 @@ def dual_pixel(
     >>> f"{sensor.angular_response.pupil_distance:.2f} mm"
     '6.11 mm'
     """
-    sensor, angle, wide = Sensor(shape, pitch), radians(cra, "cra"), not_negative(gap, "gap", "mm")
-    if split not in ((1, 2), (2, 2)):
-        raise InvalidValueError(f"split is {split!r}; it must be (1, 2) for dual pixels or (2, 2) for quads")
+    sensor, angle = Sensor(shape, pitch), radians(cra, "cra")
     if not 0 <= angle < math.pi / 2:
         raise InvalidValueError(f"cra is {angle:g} rad; it must be from 0 to below pi / 2 = 1.571")
-    if not 2 * wide < sensor.pixel_pitch:
-        raise InvalidValueError(f"gap is {wide:g} mm; two wells of {pitch:g} mm leave room below {pitch / 2:g} mm")
-    depth = 2.0 if height is None else length_in_mm(height, "height") / sensor.pixel_pitch
-    distance = math.inf if angle == 0 else sensor.half_diagonal / math.tan(angle)
-    responses = None if table is None else _checked_table(table, split)
-    pixels = DualPixels(split, depth, wide / sensor.pixel_pitch, distance, _checked_crosstalk(crosstalk), responses)
+    pixels = DualPixels(
+        split=split,
+        depth=2.0 if height is None else length_in_mm(height, "height") / sensor.pixel_pitch,
+        gap=not_negative(gap, "gap", "mm") / sensor.pixel_pitch,
+        pupil_distance=math.inf if angle == 0 else sensor.half_diagonal / math.tan(angle),
+        crosstalk=crosstalk,
+        table=_read_table(table) if isinstance(table, str | os.PathLike) else table,
+    )
     return dataclasses.replace(sensor, angular_response=pixels)
-
-
-def _checked_crosstalk(crosstalk: float | ArrayLike) -> Floats:
-    """(3, 3) shares of the wells around one."""
-    if np.ndim(crosstalk) == 0:
-        loss = not_negative(crosstalk, "crosstalk")  # type: ignore[arg-type]
-        crosstalk = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) * loss / 4
-        crosstalk[1, 1] = 1.0 - loss
-    shares = frozen_array(crosstalk, name="crosstalk", shape=(3, 3))
-    if not (shares.min() >= 0 and abs(shares.sum() - 1.0) <= _ROUNDING):
-        raise InvalidValueError(
-            f"crosstalk has shares from {shares.min():g}, which add up to {shares.sum():g}; give one number from 0 to "
-            "1, or the shares of 3 x 3 wells, which are not negative and add up to 1"
-        )
-    return shares
-
-
-def _checked_table(table: str | os.PathLike[str] | ArrayLike, split: tuple[int, int]) -> Floats:
-    if split != (1, 2):
-        raise InvalidValueError("a table has the responses of two wells; leave split at (1, 2)")
-    responses = _read_table(table) if isinstance(table, str | os.PathLike) else table
-    rows = frozen_array(responses, name="table", shape=("angles", 3))
-    if not (len(rows) > 1 and (np.diff(rows[:, 0]) > 0).all() and np.abs(rows[:, 0]).max() < math.pi / 2):
-        raise InvalidValueError("table must have two or more angles, rising, within -pi / 2 and pi / 2 (90 degrees)")
-    darkest, brightest = rows[:, 1:].min(), rows[:, 1:].sum(axis=1).max()
-    if not (darkest >= 0 and brightest <= 1 + _ROUNDING):
-        raise InvalidValueError(
-            f"table has responses from {darkest:g}, and up to {brightest:g} of both wells; they must be at least 0 and "
-            "add up to at most 1: divide them by the largest sum"
-        )
-    return rows
 
 
 def _read_table(path: str | os.PathLike[str]) -> Floats:
