@@ -50,8 +50,7 @@ class DualPixels:
     well: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
-        if self.split not in ((1, 2), (2, 2)):
-            raise InvalidValueError(f"split is {self.split!r}; it must be (1, 2) for dual pixels or (2, 2) for quads")
+        set_field(self, "split", _checked_pair(self.split, "split", [(1, 2), (2, 2)]))
         set_field(self, "depth", positive(self.depth, "depth"))
         set_field(self, "gap", not_negative(self.gap, "gap"))
         if not self.gap < 0.5:
@@ -61,8 +60,8 @@ class DualPixels:
         set_field(self, "crosstalk", _checked_crosstalk(self.crosstalk))
         if self.table is not None:
             set_field(self, "table", _checked_table(self.table, self.split))
-        if self.well is not None and self.well not in np.ndindex(self.split):
-            raise InvalidValueError(f"well is {self.well!r}; it must be the row and column of one of {self.split}")
+        if self.well is not None:
+            set_field(self, "well", _checked_pair(self.well, "well", list(np.ndindex(self.split))))
 
     def intervals(self, axis: int) -> Floats:
         """(n, 2) ends of the wells that are read along rows (0, downwards) or columns (1), from the pixel's centre."""
@@ -99,9 +98,15 @@ def _slope_inside(slope: ArrayLike, other: ArrayLike) -> Floats:
     return np.asarray(slope / np.sqrt(INDEX2 + (INDEX2 - 1.0) * (np.square(slope) + np.square(other))))
 
 
+def _checked_pair(pair: object, name: str, choices: list[tuple[int, ...]]) -> tuple[int, ...]:
+    if isinstance(pair, tuple | list) and all(isinstance(n, int) for n in pair) and tuple(pair) in choices:
+        return tuple(pair)
+    raise InvalidValueError(f"{name} is {pair!r:.60}; it must be {' or '.join(map(str, choices))}, rows and columns")
+
+
 def _checked_crosstalk(crosstalk: ArrayLike) -> Floats:
     """(3, 3) shares of the wells around one."""
-    if np.ndim(crosstalk) == 0:
+    if not isinstance(crosstalk, tuple | list | np.ndarray):
         loss = not_negative(crosstalk, "crosstalk")  # type: ignore[arg-type]
         crosstalk = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) * loss / 4
         crosstalk[1, 1] = 1.0 - loss
