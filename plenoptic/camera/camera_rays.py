@@ -16,7 +16,7 @@ from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.kernels import to_lens
-from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane
+from plenoptic.optics.microlens.microlens_record import ResponseRecord, SensorPlane, WellsRecord
 from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 _GUIDES = 1024
@@ -24,10 +24,12 @@ _GUIDES = 1024
 
 
 def fill_losses_before_array(
-    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | None, dust: tuple[PlacedDust, ...]
+    blocks: Floats, sensor: SensorPlane, response: ResponseRecord | WellsRecord | None, dust: tuple[PlacedDust, ...]
 ) -> None:
     """Attenuate aimed samples by the angular response of pixels and by dust between sensor and array."""
-    if response is not None:
+    if isinstance(response, WellsRecord):
+        to_lens.fill_well_response(blocks, sensor, response)
+    elif response is not None:
         to_lens.fill_pixel_response(blocks, sensor, response)
     for blemish in dust:
         if blemish.site in BETWEEN:

@@ -25,8 +25,10 @@ from plenoptic.optics.microlens.microlens_record import (
     ArrayRecord,
     ResponseRecord,
     SensorPlane,
+    WellsRecord,
     array_record,
 )
+from plenoptic.optics.sensor.dual_pixels import DualPixels
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 if TYPE_CHECKING:
@@ -66,7 +68,7 @@ class SensorRecord(NamedTuple):
     fill_factor: float
     """Ratio of light-sensitive area and cell."""
     plane: SensorPlane
-    response: ResponseRecord | None
+    response: ResponseRecord | WellsRecord | None
     """None if the response of pixels is isotropic."""
 
 
@@ -232,11 +234,15 @@ def _pixel_record(sides: Floats) -> PixelRecord:
     return PixelRecord(float(sides[0, 0]), float(sides[1, 1]), skew)
 
 
-def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | None:
+def response_record(camera: PlenopticCamera, parts: Assembly) -> ResponseRecord | WellsRecord | None:
     """Angular response of the camera's pixels; None if it is isotropic."""
     response, placement = camera.sensor.angular_response, parts.sensor_to_local
     if response is None:
         return None
     aligned = np.array_equal(placement.turn, np.eye(3)) and not placement.shift[:2].any()
     frame = None if aligned else np.concatenate([placement.turn.ravel(), placement.shift])
+    if isinstance(response, DualPixels):
+        table = None if response.table is None else response.table_response()
+        inverse, ends = 1.0 / response.pupil_distance, (response.intervals(1), response.intervals(0))
+        return WellsRecord(response.depth, inverse, *ends, table, frame)
     return ResponseRecord(response.well_depth, response.index, 1.0 / response.pupil_distance, response.exponent, frame)

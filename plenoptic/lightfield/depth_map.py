@@ -1,4 +1,4 @@
-"""Depth from the raw image of a focused plenoptic camera, or from the sub-aperture views of any other."""
+"""Depth from the raw image of a focused plenoptic camera, sub-aperture views, or the pair of dual pixels."""
 
 from __future__ import annotations
 
@@ -22,15 +22,19 @@ from plenoptic.lightfield.matching.consensus import consensus
 from plenoptic.lightfield.matching.image_stack import Matches
 from plenoptic.lightfield.matching.match import Matcher, match_images, match_stack
 from plenoptic.lightfield.matching.micro_images import MicroImages, image_side, micro_images
+from plenoptic.lightfield.matching.pair import DEFAULT_RADIUS, DEFAULT_RANGE, match_pair
 from plenoptic.lightfield.pinhole_model import PinholeModel, chord_disparity, object_depths, pinhole_model
 from plenoptic.lightfield.raw_arrays import RawArrays, raw_arrays
 from plenoptic.lightfield.views import LightField
+from plenoptic.readout.well_images import WellImages
 from plenoptic.rendering.exposure import Exposure
 
 _VIRTUAL_DEPTHS = (1.8, 25.0)
 _LARGEST = 1000.0
 _LOW_CONFIDENCE = 0.35
 """Median confidence below which a warning says that the search range may be wrong."""
+_LARGEST_RADIUS = 64
+"""Largest window radius for pairs of dual pixels."""
 _BEYOND, _MANY = 1.03, 0.2
 """Ratio of a disparity to the last one of the search range from which on it lies beyond, and the fraction of such
 pixels from which on a warning says so. Refinement reaches beyond by 1.06.
@@ -47,7 +51,7 @@ class DepthMap:
         For a raw image: shift of a point's image between neighbouring microlenses in pixels, as
         `GroundTruth.chord_disparity`. For views: shift along columns in pixels for each pixel of u, as
         `LightField.disparity_at`; for a single column of views without camera, shift along rows for each pixel of v.
-        nan where no disparity was found.
+        For a pair of dual pixels: `PairGeometry.disparity`. nan where no disparity was found.
     standard_error : (H, W) array
         Standard error of the disparity in pixels, from the residuals of the match and from interpolation, and for a
         raw image from scatter within a window; large where there is no texture.
@@ -76,25 +80,25 @@ class DepthMap:
 
 
 def depth(  # noqa: PLR0913
-    image: Exposure | LightField,
+    image: Exposure | LightField | WellImages,
     white: Exposure | MicroImageGrid | None = None,
     *,
     virtual_depth_range: tuple[float, float] | None = None,
     disparity_range: tuple[float, float] | None = None,
-    window_radius: int = 2,
+    window_radius: int | None = None,
     min_relative_light: float = 0.1,
     matcher: Matcher = match_images,
     camera: PlenopticCamera | MicroImageGrid | None = None,
     threads: int | None = None,
     progress: bool = True,
 ) -> DepthMap:
-    """Estimate depth by matching: micro images of a focused camera (2.0), or sub-aperture views (1.0).
+    """Estimate depth by matching: micro images of a focused camera (2.0), views (1.0), or pairs of dual pixels.
 
     Parameters
     ----------
-    image : Exposure or LightField
-        The raw image of a camera with focused microlenses of one or several focal lengths; or sub-aperture views, for
-        depth of the central one.
+    image : Exposure, LightField or WellImages
+        The raw image of a camera with focused microlenses of one or several focal lengths; sub-aperture views, for
+        depth of the central one; or the pair of a camera with dual pixels.
     white : Exposure or MicroImageGrid, optional
         The white image or grid, as in `decode`; none for views.
     virtual_depth_range : (float, float), optional
@@ -103,9 +107,9 @@ def depth(  # noqa: PLR0913
         whichever of both finds more.
     disparity_range : (float, float), optional
         Disparities that are searched in views, in pixels. None: -2 to 2, or less if views would move by half of their
-        size.
+        size; -10 to 10 in pairs of dual pixels.
     window_radius : int, optional
-        Radius r of the compared windows in pixels: 2 r + 1 on a side.
+        Radius r of the compared windows in pixels: 2 r + 1 on a side. None: 2, and 8 for pairs of dual pixels.
     min_relative_light : float, optional
         Pixels of a raw image are used where the white image has at least this fraction of its 99th percentile.
     matcher : callable, optional
@@ -148,6 +152,11 @@ def depth(  # noqa: PLR0913
     way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
     the refinement takes that off.
 
+    A pair of dual pixels is matched with the half discs that are the images of points out of focus, traced at the
+    sensor's centre: the left image is blurred by those of the right one, and the other way round, for disparities 0.25
+    pixels or 5 % apart. Both are then equal at the true one, however strong the blur. Only waves longer than 3.3 pixels
+    are compared, since pixels alias finer detail. There is no depth where images blur across the border.
+
     With a grid, disparity is relative to the centres of micro images: it exceeds that of the camera by the difference
     of their distance and that of microlenses, in pixels. Aberrations of the main lens stay in it, and depth is nan.
 
@@ -167,7 +176,15 @@ def depth(  # noqa: PLR0913
     >>> depth_map, bool(abs(np.nanmedian(depth_map.depth) - 404) < 2)
     (DepthMap(96 x 96), True)
     """
-    radius = whole(window_radius, "window_radius", at_least=1, at_most=8)
+    is_pair = isinstance(image, WellImages)
+    default, largest = (DEFAULT_RADIUS, _LARGEST_RADIUS) if is_pair else (2, 8)
+    radius = whole(default if window_radius is None else window_radius, "window_radius", at_least=1, at_most=largest)
+    if isinstance(image, WellImages):
+        if white is not None or camera is not None or virtual_depth_range is not None or matcher is not match_images:
+            raise InvalidValueError("a pair of dual pixels takes disparity_range and window_radius alone")
+        disparities = DEFAULT_RANGE if disparity_range is None else _range(disparity_range, "disparity_range")
+        matches, depths = match_pair(image, disparities, radius)
+        return DepthMap(*matches, np.full(depths.shape, np.nan), depths)
     if isinstance(image, LightField):
         if white is not None or camera is not None:
             raise InvalidValueError("a light field needs neither white nor camera; leave them out")
@@ -177,7 +194,7 @@ def depth(  # noqa: PLR0913
         with CallProgress("matching", kind="light field", show=progress):
             matches, depths = depth_of_matches(image, match_views(image, disparities, radius, matcher))
             return DepthMap(*matches, np.full(depths.shape, np.nan), depths)
-    check_kind(image, "image", Exposure, "pl.render(scene, camera), or a LightField")
+    check_kind(image, "image", Exposure, "pl.render(scene, camera), a LightField or WellImages")
     if white is None:
         raise InvalidValueError("a raw image needs its white image; give white=pl.render_white(camera)")
     if disparity_range is not None:

@@ -78,6 +78,14 @@ def test_the_papers_cameras_are_the_examples():
         assert CAMERAS[name] == pl.camera.example_camera(pl.CameraKind[kind])
 
 
+def test_the_phone_has_dual_pixels_for_its_chief_rays():
+    camera, report = CAMERAS["google-pixel-2-like"], REPORTS["google-pixel-2-like"]
+    assert math.prod(camera.sensor.shape) == pytest.approx(12.2e6, rel=1e-3)
+    assert report.f_number == pytest.approx(1.8, rel=1e-6)
+    assert camera.sensor.angular_response.pupil_distance == pytest.approx(report.exit_pupil_distance, rel=1e-3)
+    assert camera.sensor.half_diagonal / 4.4 == pytest.approx(math.hypot(12.0, 18.0) / 27.0, rel=5e-3)
+
+
 def test_every_camera_makes_an_image_and_names_its_source():
     for name, camera in CAMERAS.items():
         rows, columns = camera.sensor.shape
@@ -99,6 +107,8 @@ def test_an_unknown_camera_is_refused():
 def rows_of_page():
     """Rows of the page's table by the cameras' reports."""
     for name, report in REPORTS.items():
+        if CAMERAS[name].microlenses is None:
+            continue
         focused = report.kind is not pl.CameraKind.PLENOPTIC_1
         depth = ", ".join(f"{focus.virtual_depth:.2f}" for focus in report.focus) if focused else "-"
         lens = f"f/{report.f_number:.2f}, f/{report.working_f_number_paraxial:.2f}"

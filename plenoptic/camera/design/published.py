@@ -15,6 +15,7 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.sensor.dual_pixel_sensor import dual_pixel
 from plenoptic.optics.sensor.sensor import Sensor
 from plenoptic.optics.stops.circle import CircularStop
 
@@ -131,11 +132,14 @@ def _camera_of(entry: dict[str, Any]) -> PlenopticCamera:
     lens = lens.with_stop(CircularStop(entry["lens"]["stop"])).with_model(
         LensModel[entry["lens"].get("model", "EXACT")]
     )
+    shape, pitch = tuple(entry["sensor"]["shape"]), entry["sensor"]["pixel_pitch"]
+    if "microlenses" not in entry:
+        return PlenopticCamera(lens, dual_pixel(pitch, shape, **entry["sensor"]["dual"]), entry["stop_to_microlenses"])
     array = entry["microlenses"]
     lattice = Lattice[array.get("lattice", "HEXAGONAL")]
     return PlenopticCamera(
         lens,
-        Sensor(tuple(entry["sensor"]["shape"]), entry["sensor"]["pixel_pitch"]),
+        Sensor(shape, pitch),
         entry["stop_to_microlenses"],
         MicrolensArray(array["pitch"], tuple(array["focal_lengths"]), lattice, extent=array.get("extent")),
         entry["microlenses_to_sensor"],

@@ -30,7 +30,7 @@ from plenoptic.optics.microlens.forward_record import differs_forward
 from plenoptic.optics.microlens.forward_record import forward_record as array_forward_record
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.lattice import Lattice
-from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane
+from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, WellsRecord
 from plenoptic.optics.microlens.model_records import ArrayCrossing
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ class ForwardRecord(NamedTuple):
     sensor: SensorPlane
     opening: Floats | None = None
     """(2,): half height and half width of a pixel's sensitive area, over the pitch; None: the whole pixel."""
-    response: ResponseRecord | None = None
+    response: ResponseRecord | WellsRecord | None = None
     dust: tuple[PlacedDust, ...] = ()
     deflection: SensorDeflection | None = None
     iris: IrisRecord | None = None

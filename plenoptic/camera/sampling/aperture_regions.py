@@ -34,7 +34,7 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STA
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.lens_record import MOVED
-from plenoptic.optics.microlens.microlens_record import MICROLENS
+from plenoptic.optics.microlens.microlens_record import MICROLENS, WellsRecord
 
 _TOGETHER = 512
 """Candidates whose rays are traced together."""
@@ -117,14 +117,16 @@ def _candidates(camera: CameraRecord, centres: Floats, margin: float) -> tuple[C
     from plenoptic.camera.sampling.kernels import candidates as kernels
 
     array, plane, counts = camera.array, camera.sensor.plane, np.zeros(2, dtype=np.int64)
-    first = np.zeros(len(centres) + 1, dtype=np.int64)
+    first, response, wells = np.zeros(len(centres) + 1, dtype=np.int64), camera.sensor.response, None
+    if isinstance(response, WellsRecord) and response.table is None and response.frame is None and plane.tilt is None:
+        wells = response, plane.distance, margin
     capacity, max_corners = 4 * len(centres) + 4, 64 * len(centres) + 64
     while True:
         details = np.empty(capacity, MICROLENS) if array is not None and array.differs else None
         rows, corners = np.empty(capacity, CANDIDATE), np.empty((2, max_corners))
         candidates = Candidates(first, rows, details)
         if array is None:
-            kernels.fill_pupil(candidates, corners, counts, centres, camera.pupil)
+            kernels.fill_pupil(candidates, corners, counts, centres, camera.pupil, wells)
         else:
             kernels.fill_cells(candidates, corners, counts, centres, margin, plane, array, camera.pupil)
         if counts[0] <= capacity and counts[1] <= max_corners:

@@ -147,6 +147,20 @@ class ResponseRecord(NamedTuple):
     parallel to the array."""
 
 
+class WellsRecord(NamedTuple):
+    """Wells of dual pixels that are read; see `DualPixels`. Lengths are in pitches."""
+
+    depth: float
+    inverse_pupil: float
+    columns: Floats
+    rows: Floats
+    """(n, 2) ends of the wells along x and along -y."""
+    table: Floats | None
+    """(n, 2) angles along x in radians and responses; None: from the geometry."""
+    frame: Floats | None
+    """As in `ResponseRecord`."""
+
+
 class ArrayRecord(NamedTuple):
     """A microlens array; lengths in mm, in the axes in which the array is traced."""
 

@@ -9,6 +9,7 @@ from plenoptic.core.display import picture_of
 from plenoptic.core.values import Floats, broadcast, checked_shape, length_in_mm, numbers, positive, set_field, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.angular_response import AngularResponse
+from plenoptic.optics.sensor.dual_pixels import DualPixels
 
 
 @value
@@ -24,7 +25,7 @@ class Sensor:
     pixel_aperture : (float, float), optional
         Width and height of the light-sensitive part in the middle of a pixel, over the pitch, above 0 and at most 1.
         The rest is insensitive, so that images get darker by their product, the fill factor.
-    angular_response : AngularResponse, optional
+    angular_response : AngularResponse or DualPixels, optional
         Dependence of a pixel's response on direction; None: no dependence.
 
     Raises
@@ -43,7 +44,7 @@ class Sensor:
     shape: tuple[int, int]
     pixel_pitch: float
     pixel_aperture: tuple[float, float] = (1.0, 1.0)
-    angular_response: AngularResponse | None = None
+    angular_response: AngularResponse | DualPixels | None = None
 
     def __post_init__(self) -> None:
         rows, columns = checked_shape(self.shape, ("rows of the sensor", "columns of the sensor"))
@@ -58,9 +59,9 @@ class Sensor:
         if max(width, height) > 1:
             raise InvalidValueError(f"pixel_aperture is {(width, height)}; no side can be larger than the pitch, 1")
         set_field(self, "pixel_aperture", (width, height))
-        if self.angular_response is not None and not isinstance(self.angular_response, AngularResponse):
+        if self.angular_response is not None and not isinstance(self.angular_response, AngularResponse | DualPixels):
             raise InvalidValueError(
-                f"angular_response is {self.angular_response!r}; it must be an AngularResponse or None"
+                f"angular_response is {self.angular_response!r}; it must be an AngularResponse, DualPixels or None"
             )
 
     @property

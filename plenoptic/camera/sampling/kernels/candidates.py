@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from plenoptic.camera.sampling.kernels.well_bounds import clip_to_wells
 from plenoptic.core.kernels.polygons import cut
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.microlens.kernels.cell_lookup import in_extent
@@ -274,12 +275,16 @@ def fill_cells(candidates, corners, counts, pixels, pixel_margin, sensor, array,
 
 
 @kernel
-def fill_pupil(candidates, corners, counts, pixels, pupil):
-    """Fill the candidates without microlenses: the bounds on the exit pupil, seen from each group."""
+def fill_pupil(candidates, corners, counts, pixels, pupil, wells):
+    """Fill the candidates without microlenses: the bounds on the exit pupil, seen from each group.
+
+    `wells` are the `WellsRecord` whose light bounds them further, the distance from the sensor and the half side of a
+    group; None for other pixels.
+    """
     first = candidates.first
     outlines, reach, disconnected, step = pupil.corners, pupil.reach, pupil.disconnected, pupil.step
     sides = outlines.shape[1]
-    polygon = np.empty((3, sides))
+    polygon = np.empty((3, sides if wells is None else sides + 8))
     counts[:] = 0
     for p in range(pixels.shape[0]):
         first[p] = counts[0]
@@ -291,5 +296,10 @@ def fill_pupil(candidates, corners, counts, pixels, pupil):
         for k in range(sides):
             polygon[0, k] = cos * outlines[interval, k, 0] - sin * outlines[interval, k, 1]
             polygon[1, k] = sin * outlines[interval, k, 0] + cos * outlines[interval, k, 1]
-        _store(candidates, corners, counts, polygon, sides, ((0.0, 0.0), (0.0, 0.0)), disconnected[interval])
+        n = sides
+        if wells is not None:
+            n = clip_to_wells(polygon, sides, (sx, sy), wells)
+            if n < 3:
+                continue
+        _store(candidates, corners, counts, polygon, n, ((0.0, 0.0), (0.0, 0.0)), disconnected[interval])
     first[pixels.shape[0]] = counts[0]

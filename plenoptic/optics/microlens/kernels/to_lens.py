@@ -13,9 +13,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.frames import out_of_frame
+from plenoptic.optics.sensor.dual_pixels import INDEX2
 
 
 @device
@@ -70,27 +73,35 @@ def is_open(x, y, radius2, edges):
     return inside
 
 
+@device
+def in_sensor_axes(ray, i, sensor, frame):
+    """Point on the sensor at which path i starts, and its direction (u, v, -w) towards the lens, in the sensor's axes.
+
+    `frame` leads from the sensor's axes to the local ones; None if these are the same.
+    """
+    u, v, w = ray[L + i], ray[M + i], distance_to_sensor(ray, i, sensor.distance, sensor.tilt)
+    x, y = ray[X + i] - u, ray[Y + i] - v
+    if frame is not None:
+        # The direction towards the lens is -w along the local axis, where points of the sensor are at +w.
+        px, py, pz = x - frame[9], y - frame[10], w - frame[11]
+        x = frame[0] * px + frame[3] * py + frame[6] * pz
+        y = frame[1] * px + frame[4] * py + frame[7] * pz
+        u, v, w = (
+            frame[0] * u + frame[3] * v - frame[6] * w,
+            frame[1] * u + frame[4] * v - frame[7] * w,
+            -(frame[2] * u + frame[5] * v - frame[8] * w),
+        )
+    return (x, y), (u, v, w)
+
+
 @kernel
 def fill_pixel_response(blocks, sensor, response):
     """Multiply the weights of aimed samples by the pixel's response to their direction; see `AngularResponse.at`."""
-    distance = sensor.distance
     index, well_depth, inverse_pupil = response.refractive_index, response.well_depth, response.inverse_pupil
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
         for i in range(BLOCK):
-            u, v, w = ray[L + i], ray[M + i], distance_to_sensor(ray, i, distance, sensor.tilt)
-            x, y = ray[X + i] - u, ray[Y + i] - v
-            if response.frame is not None:
-                frame = response.frame
-                # The direction towards the lens is -w along the local axis, where points of the sensor are at +w.
-                px, py, pz = x - frame[9], y - frame[10], w - frame[11]
-                x = frame[0] * px + frame[3] * py + frame[6] * pz
-                y = frame[1] * px + frame[4] * py + frame[7] * pz
-                u, v, w = (
-                    frame[0] * u + frame[3] * v - frame[6] * w,
-                    frame[1] * u + frame[4] * v - frame[7] * w,
-                    -(frame[2] * u + frame[5] * v - frame[8] * w),
-                )
+            (x, y), (u, v, w) = in_sensor_axes(ray, i, sensor, response.frame)
             cos2 = w * w / (u * u + v * v + w * w)
             chief_x, chief_y = -x * inverse_pupil, -y * inverse_pupil
             chief_cos2 = 1.0 / (1.0 + chief_x * chief_x + chief_y * chief_y)
@@ -99,6 +110,40 @@ def fill_pixel_response(blocks, sensor, response):
             open_x = max(1.0 - well_depth * abs(u * scale - chief_x * chief_scale), 0.0)
             open_y = max(1.0 - well_depth * abs(v * scale - chief_y * chief_scale), 0.0)
             ray[WEIGHT + i] *= open_x * open_y * math.sqrt(cos2) ** response.exponent
+
+
+@device
+def _is_in_wells(place, wells):
+    inside = False
+    for k in range(wells.shape[0]):
+        inside = inside or wells[k, 0] <= place < wells[k, 1]
+    return inside
+
+
+@device
+def slope_in_stack(slope, other):
+    """Slope between on-chip lens and wells; see `DualPixels`."""
+    return slope / math.sqrt(INDEX2 + (INDEX2 - 1.0) * (slope * slope + other * other))
+
+
+@kernel
+def fill_well_response(blocks, sensor, wells):
+    """Multiply the weights of aimed samples by the response of the wells that are read; see `DualPixels`."""
+    depth, inverse_pupil = wells.depth, wells.inverse_pupil
+    for b in range(blocks.size // RAY):
+        ray = blocks[b * RAY : (b + 1) * RAY]
+        for i in range(BLOCK):
+            (x, y), (u, v, w) = in_sensor_axes(ray, i, sensor, wells.frame)
+            slope_x, slope_y = u / w, v / w
+            chief_x, chief_y = -x * inverse_pupil, -y * inverse_pupil
+            if wells.table is not None:
+                angle = math.atan(slope_x) - math.atan(chief_x)
+                ray[WEIGHT + i] *= np.interp(angle, wells.table[:, 0], wells.table[:, 1])
+            else:
+                across = depth * (slope_in_stack(slope_x, slope_y) - slope_in_stack(chief_x, chief_y))
+                down = -depth * (slope_in_stack(slope_y, slope_x) - slope_in_stack(chief_y, chief_x))
+                if not (_is_in_wells(across, wells.columns) and _is_in_wells(down, wells.rows)):
+                    ray[WEIGHT + i] = 0.0
 
 
 @kernel

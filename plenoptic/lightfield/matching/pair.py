@@ -1,0 +1,127 @@
+"""Matching of pairs of images by dual pixels, sharp or strongly blurred."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from plenoptic.core.values import Floats
+from plenoptic.errors import InvalidValueError
+from plenoptic.lightfield.matching.image_stack import Matches
+from plenoptic.readout.well_images import WellImages
+from plenoptic.truth.pair_geometry import PairGeometry, pair_geometry
+
+DEFAULT_RANGE, DEFAULT_RADIUS = (-10.0, 10.0), 8
+_STEP, _GROWTH = 0.25, 0.05
+"""Distance of the disparities that are compared in pixels, and over the disparity where that is more."""
+_DAMPING = 0.05
+"""Added in quadrature to the norm of both transfer functions: waves that neither half shows count less."""
+_BAND = 0.3
+"""Frequencies that are compared, in cycles per pixel: pixels alias finer detail into those near 1/2, which moves by
+other disparities."""
+
+
+def match_pair(images: WellImages, disparities: tuple[float, float], radius: int) -> tuple[Matches, Floats]:
+    """Disparities and depths (H, W) of a pair, see `depth`.
+
+    A point out of focus is a half disc in the left image and the other half in the right one. With k_L and k_R, the
+    half discs of a disparity, the left image blurred by k_R equals the right one blurred by k_L. Their difference, over
+    the root of |k_L|^2 + |k_R|^2 at each frequency, has the noise of the images at all disparities, so that its squares
+    compare them without a preference for blur. Its least sum over a window, by a parabola, is the match; its value and
+    curvature there give the standard error.
+    """
+    geometry, region = pair_geometry(images.camera), images.exposures[0].region
+    vignetting = geometry.asymmetry(region=region)
+    left, right = images.left.mean(axis=-1) / (1.0 + vignetting), images.right.mean(axis=-1) / (1.0 - vignetting)
+    planes = _planes(*disparities)
+    reach = np.array([np.abs(geometry.blur(disparity)).max() for disparity in planes])
+    border = math.ceil(reach.max()) + 2
+    if min(left.shape) <= 2 * radius + 1 or border >= min(left.shape):
+        raise InvalidValueError(
+            f"the images have {left.shape[0]} x {left.shape[1]} pixels; windows of {2 * radius + 1} and blur of "
+            f"{border} need more: give a smaller window_radius or disparity_range"
+        )
+    cost = _costs(np.pad([left, right], ((0, 0), (border, border), (border, border)), "reflect"), planes, geometry)
+    cost = np.stack([_window_sums(each[border:-border, border:-border], radius) for each in cost])
+    matches = _minimise(cost, planes, (2 * radius + 1) ** 2)
+    row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in left.shape)
+    margin = radius + np.interp(matches.disparity, planes, reach)
+    inside = np.minimum(row[:, None], column) >= margin
+    matches = Matches(*(np.where(inside, plane, np.nan) for plane in matches))
+    return matches, geometry.depth(matches.disparity, region=region)
+
+
+def _planes(low: float, high: float) -> Floats:
+    """Disparities to compare, from beyond one end of the range to beyond the other."""
+    planes = [low - _STEP]
+    while planes[-1] < high + _STEP:
+        planes.append(planes[-1] + max(_STEP, _GROWTH * abs(planes[-1])))
+    return np.array(planes)
+
+
+def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> Floats:
+    """Squared differences (planes, H, W) of the images of a pair (2, H, W), each blurred as the other is."""
+    shape = pair.shape[1:]
+    left, right = np.fft.rfft2(pair)
+    costs = np.empty((len(planes), *shape))
+    band = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])) <= _BAND
+    for cost, disparity in zip(costs, planes, strict=True):
+        offsets = geometry.blur(disparity)
+        by_left, by_right = np.fft.rfft2([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
+        norm = np.sqrt(np.abs(by_left) ** 2 + np.abs(by_right) ** 2 + _DAMPING**2)
+        cost[:] = np.fft.irfft2((left * by_right - right * by_left) * band / norm, shape) ** 2
+    return costs
+
+
+def _blur(offsets: Floats, weights: Floats, shape: tuple[int, ...]) -> Floats:
+    """Image of a point at the first pixel, continued periodically, through one half: the sum of its rays."""
+    place = offsets[:, ::-1]
+    corner = np.floor(place).astype(np.int64)
+    part = place - corner
+    image = np.zeros(shape[0] * shape[1])
+    for down in range(-1, 3):
+        row = (corner[:, 0] + down) % shape[0] * shape[1]
+        by_row = weights * _cubic(np.abs(part[:, 0] - down))
+        for right in range(-1, 3):
+            column = (corner[:, 1] + right) % shape[1]
+            image += np.bincount(row + column, by_row * _cubic(np.abs(part[:, 1] - right)), minlength=image.size)
+    return image.reshape(shape)
+
+
+def _cubic(distance: Floats) -> Floats:
+    """Cubic convolution, of third order (R. G. Keys, IEEE Trans. ASSP 29, 1153 (1981), doi:10.1109/TASSP.1981.1163711).
+
+    For distances from 0 to 2.
+    """
+    near = (1.5 * distance - 2.5) * distance**2 + 1.0
+    far = ((-0.5 * distance + 2.5) * distance - 4.0) * distance + 2.0
+    return np.where(distance < 1.0, near, far)
+
+
+def _window_sums(values: Floats, radius: int) -> Floats:
+    """Sums over the windows of an image, which is mirrored at its border."""
+    width, sums = 2 * radius + 1, np.pad(values, radius, "reflect")
+    for _ in range(2):
+        sums = np.cumsum(np.pad(sums, ((1, 0), (0, 0))), axis=0)
+        sums = (sums[width:] - sums[:-width]).T
+    return sums
+
+
+def _minimise(cost: Floats, planes: Floats, pixels: int) -> Matches:
+    """Disparities of least cost (planes, H, W), sums over so many pixels, with standard errors and confidences."""
+    k = np.clip(cost.argmin(axis=0), 1, len(planes) - 2)
+    before, minimum, behind = (np.take_along_axis(cost, (k + step)[None], axis=0)[0] for step in (-1, 0, 1))
+    down, up = planes[k] - planes[k - 1], planes[k + 1] - planes[k]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        falling, rising = (minimum - before) / down, (behind - minimum) / up
+        curvature = 2.0 * (rising - falling) / (down + up)
+        slope = (falling * up + rising * down) / (down + up)
+        shift = np.clip(-slope / curvature, -down, up)
+        lowest = np.maximum(minimum + 0.5 * slope * shift, 0.0)
+        # The sum of squares S about its least has the curvature 2 / variance, in units of the variance S / (n - 1).
+        # Noise in the band has less variance than white noise, by the band's area.
+        error = np.sqrt(2.0 * lowest / ((pixels - 1) * curvature * math.pi * _BAND**2))
+        confidence = np.clip(1.0 - lowest / np.median(cost, axis=0), 0.0, 1.0)
+    is_minimum = (curvature > 0) & (minimum <= before) & (minimum <= behind)
+    return Matches(*(np.where(is_minimum, plane, np.nan) for plane in (planes[k] + shift, error, confidence)))

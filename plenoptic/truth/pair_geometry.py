@@ -1,0 +1,207 @@
+"""Geometry of pairs of images by dual pixels: disparity, defocus, light of both halves; from traced rays."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plenoptic.camera.camera import PlenopticCamera
+from plenoptic.camera.camera_rays import CameraRays
+from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.gaussian import image_plane, object_plane
+from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
+from plenoptic.camera.sampling.sampling_records import batch_record
+from plenoptic.core.values import Floats, numbers, result
+from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.sensor.dual_pixels import DualPixels
+
+_NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
+"""Nodes along each side of the sensor, degree of the polynomials through them, rays of a node, and those of the middle
+one that are kept for blur."""
+_ORDERS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+
+
+class CentralRays(NamedTuple):
+    """Rays of the pixel at the sensor's centre in front of the lens, relative to the middle of both halves' centroids.
+
+    Axes are those of columns and rows: x and -y.
+    """
+
+    at_zero: Floats
+    """(n, 2) mm in the plane z = 0."""
+    by_z: Floats
+    """(n, 2) slopes."""
+    weights: Floats
+    """(2, n) of both halves, which add up to 1 each."""
+
+
+@result
+class PairGeometry:
+    """Disparity and light of the pairs of a camera with dual pixels, traced through its lens. See `pair_geometry`.
+
+    Arrays (H, W) are those of a region of the sensor, its first and end row and column; of the whole sensor for None.
+
+    Attributes
+    ----------
+    camera : PlenopticCamera
+    coefficients : (5, 7, 7) array
+        Legendre polynomials over the field by orders along rows and columns: share of the left half, difference of the
+        halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
+    pupil : CentralRays
+    """
+
+    camera: PlenopticCamera
+    coefficients: Floats
+    pupil: CentralRays
+
+    def disparity(self, depth: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
+        """Signed disparity (H, W) of pixels in pixels, for depths in mm, one or (H, W); inf is allowed.
+
+        The column of a point in the left image minus that in the right one: positive for points nearer than the plane
+        in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
+        depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
+        is linear in c. Crosstalk between wells comes on top: a scalar c takes c of the disparity.
+        """
+        _, a, b, c, d = self._features(region)
+        inverse_z = -1.0 / numbers(depth, "depth")
+        return np.asarray(-(a * inverse_z + b) / (c * inverse_z + d))
+
+    def depth(self, disparity: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
+        """Depths (H, W) in mm of pixels with signed disparities, one or (H, W); nan beyond that of infinity."""
+        _, a, b, c, d = self._features(region)
+        pixels = numbers(disparity, "disparity")
+        with np.errstate(divide="ignore"):
+            depth = (a + pixels * c) / (b + pixels * d)
+        return np.where(depth > 0, depth, np.nan)
+
+    def defocus(self, depth: ArrayLike) -> Floats:
+        """Distances in mm by which the paraxial images of points of depths in mm lie behind the sensor."""
+        lens, wavelength, z_sensor = self.camera.lens, self.camera.wavelength, self.camera.z_sensor
+        front, rear = object_plane(lens, math.inf, wavelength), image_plane(lens, -math.inf, wavelength)
+        # Newton's equation: (z - front) (z' - rear) is the same for all pairs of planes.
+        product = (object_plane(lens, z_sensor, wavelength) - front) * (z_sensor - rear)
+        return np.asarray(rear - product / (numbers(depth, "depth") + front) - z_sensor)
+
+    def asymmetry(self, *, region: tuple[int, int, int, int] | None = None) -> Floats:
+        """Vignetting asymmetry (H, W) of a white image: (left - right) / (left + right)."""
+        return np.asarray(2.0 * self._features(region)[0] - 1.0)
+
+    def blur(self, disparity: float) -> Floats:
+        """Columns and rows (n, 2) by which the `pupil` rays displace images of points of a disparity, at the centre."""
+        _, a, b, c, d = (float(value) for value in self._values(np.zeros(1), np.zeros(1))[:, 0, 0])
+        inverse_z = -(b + disparity * d) / (a + disparity * c)
+        return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
+
+    def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
+        """(5, H, W) share, differences of the halves' centroids, and derivatives of their middle by columns."""
+        rows, columns = self.camera.sensor.shape
+        top, bottom, left, right = region or (0, rows, 0, columns)
+        v, u = (2.0 * np.arange(top, bottom) + 1.0) / rows - 1.0, (2.0 * np.arange(left, right) + 1.0) / columns - 1.0
+        return self._values(v, u)
+
+    def _values(self, v: Floats, u: Floats) -> Floats:
+        """Features (5, n, m) at places along columns and rows in half sides from the sensor's centre."""
+        by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
+        by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
+        values = by_row.T @ self.coefficients[:3] @ by_column
+        slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
+        return np.concatenate([values, slopes])
+
+
+def _powers(at: Floats) -> Floats:
+    """Legendre polynomials (orders, n) at n places."""
+    return np.asarray(np.polynomial.legendre.legvander(at, _DEGREE).T)
+
+
+def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
+    """Trace the geometry of the pairs of a camera with dual pixels: the truth of disparity, defocus and light.
+
+    65 536 rays of each of 169 pixels go through the lens. Their centroids, weighted by the responses of both halves,
+    are fitted by polynomials of order 6 over the field.
+
+    Parameters
+    ----------
+    camera : PlenopticCamera
+        A camera without microlens array whose sensor is one of `dual_pixel`. Its pose does not matter.
+
+    Raises
+    ------
+    InvalidValueError
+        If the sensor has no dual pixels, the camera has microlenses or no lens, or the field is mostly dark.
+
+    Examples
+    --------
+    >>> import plenoptic as pl
+    >>> sensor = pl.sensor.dual_pixel(0.0054, (40, 60))
+    >>> lens = pl.load_lens("double-gauss-100mm-f2").scaled(focal_length=50.0).with_model(pl.LensModel.PARAXIAL)
+    >>> camera = pl.PlenopticCamera(lens, sensor, 60.0).focused_at(-2000.0)
+    >>> geometry = pl.sensor.pair_geometry(camera)
+    >>> [round(float(geometry.disparity(depth)[20, 30])) for depth in (1500.0, 2000.0, 3000.0)]
+    [16, 0, -16]
+    """
+    pixels = camera.sensor.angular_response if isinstance(camera, PlenopticCamera) else None
+    if not isinstance(pixels, DualPixels):
+        raise InvalidValueError("the camera's sensor has no dual pixels; make it with pl.sensor.dual_pixel(...)")
+    if camera.microlenses is not None or camera.lens.model is LensModel.NONE:
+        raise InvalidValueError("pairs need a lens, and no microlens array: its microlenses are those on the pixels")
+    plain = dataclasses.replace(camera.sensor, angular_response=None)
+    plain_camera = dataclasses.replace(camera, pose=None, sensitivity=None, diffraction=None, sensor=plain)
+    v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
+    nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
+    features, pupil = _trace(plain_camera, dataclasses.replace(pixels, well=None), nodes)
+    lit = np.isfinite(features[:, 0])
+    if lit.sum() < 2 * len(_ORDERS) or pupil is None:
+        raise InvalidValueError(
+            f"{np.sum(~lit)} of {lit.size} places on the sensor get no light in one of the halves; take a smaller "
+            "sensor, or a cra nearer to the chief rays of the lens"
+        )
+    terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in _ORDERS], axis=1)
+    coefficients = np.zeros((5, _DEGREE + 1, _DEGREE + 1))
+    coefficients[:, *np.transpose(_ORDERS)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
+    return PairGeometry(camera, coefficients, pupil)
+
+
+def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
+    """Features (n, 5) of nodes (n, 2) in rows and columns, nan for dark ones; and the rays of the middle one."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK
+
+    record = camera_record(camera)
+    parts, to_local = record.parts, record.parts.sensor_to_local
+    local = to_local.points(np.column_stack([camera.sensor.centre_of(*nodes.T), np.zeros(len(nodes))]))
+    illuminated = illuminated_pixels(record, np.ascontiguousarray(local[:, :2]), np.zeros(len(nodes), np.int64))
+    camera_rays = CameraRays(record, illuminated, batch_record(np.uint64(0), 0, _SAMPLES, 1, 0, 0), _SAMPLES)
+    tilt = np.zeros(2) if parts.tilt is None else parts.tilt
+    features, pupil = np.full((len(nodes), 5), np.nan), None
+    for k, node in enumerate(illuminated.place):
+        bundle = camera_rays.sample(k * _SAMPLES, _SAMPLES)
+        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
+        starts, aims = (rays[:2] - rays[3:5]).T, rays[3:5].T
+        height = parts.distance + starts @ tilt
+        x, y, _ = to_local.inverse().points(np.column_stack([starts, height])).T
+        l, m, n = to_local.inverse().directions(np.column_stack([aims, -height])).T
+        halves = pixels.halves_at(-l / n, -m / n, x, y)
+        camera_rays.fill_through_array(bundle)
+        camera_rays.fill_through_lens(bundle)
+        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
+        arrived = rays[7] == 0
+        weights, point, direction = halves[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
+        if parts.lens_to_camera is not None:
+            point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
+        light = weights.sum(axis=1)
+        if not (light > 0).all():
+            continue
+        weights /= light[:, None]
+        slopes = direction[:, :2] / direction[:, 2:]
+        planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
+        left, right = weights @ planes[..., 0].T
+        features[node] = [light[0] / light.sum(), *(left - right), *(0.5 * (left + right))]
+        if node == len(nodes) // 2:
+            at_zero, by_z = (planes - (weights.mean(axis=0) @ planes)[:, None])[:, :_CENTRAL]
+            weights = weights[:, :_CENTRAL]
+            pupil = CentralRays(at_zero, by_z, weights / weights.sum(axis=1, keepdims=True))
+    return features, pupil
