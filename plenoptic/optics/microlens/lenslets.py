@@ -81,24 +81,37 @@ def lenses_in_boxes(array: MicrolensArray, low: Floats, high: Floats) -> tuple[N
     low, high = np.maximum(low, -array.half_extent), np.minimum(high, array.half_extent)
     if np.isinf([low, high]).any():
         raise InvalidValueError(f"the box from {low} to {high} is infinite, and so is the lattice; take a smaller one")
-    corners = np.stack([low, np.column_stack([low[:, 0], high[:, 1]]), np.column_stack([high[:, 0], low[:, 1]]), high])
-    corners = corners @ np.linalg.inv(array.basis)
-    start = np.floor(corners.min(axis=0))
-    steps = np.where(np.all(low <= high, axis=1)[:, None], np.ceil(corners.max(axis=0)) - start + 1, 0)
-    sizes = steps.prod(axis=1)
-    if sizes.max(initial=0) > MAX_LENSES:
-        raise InvalidValueError(
-            f"the box holds some {sizes.max():.3g} microlenses, and the limit is {MAX_LENSES}; take a smaller one"
-        )
-    sizes, columns = sizes.astype(np.int64), steps[:, 1].astype(np.int64)
-    box = np.repeat(np.arange(len(low)), sizes)
-    place = np.arange(len(box)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    index = start.astype(np.int64)[box] + np.column_stack(np.divmod(place, columns[box]))
-    centres = index @ array.basis
     # Rounding must not lose a lens on the border of the box.
     slack = 1e-9 * np.abs(array.basis).max(axis=0)
-    inside = ((centres >= low[box] - slack) & (centres <= high[box] + slack)).all(axis=1)
-    return box[inside], np.asarray(index[inside])
+    low, high = low - slack, high + slack
+    corners = np.stack([low, np.column_stack([low[:, 0], high[:, 1]]), np.column_stack([high[:, 0], low[:, 1]]), high])
+    first = (corners @ np.linalg.inv(array.basis))[..., 0]
+    start, end = np.floor(first.min(axis=0)), np.ceil(first.max(axis=0))
+    box, row = _ranges(start, end, np.arange(len(low)), np.all(low <= high, axis=1))
+    # Along each row the box is an interval in either coordinate.
+    offset, step = row[:, None] * array.basis[0], array.basis[1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.sort([(low[box] - offset) / step, (high[box] - offset) / step], axis=0)
+    crossed = (low[box] <= offset) & (offset <= high[box])
+    ends = np.where(step == 0, np.where(crossed, [[[-np.inf]], [[np.inf]]], np.nan), ends)
+    start, end = np.ceil(ends[0].max(axis=1)), np.floor(ends[1].min(axis=1))
+    of_row, column = _ranges(start, end, box, start <= end)
+    return box[of_row], np.column_stack([row[of_row], column])
+
+
+def _ranges(
+    start: Floats, end: Floats, box: NDArray[np.int64], chosen: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Whole numbers (k,) from start to end (n,) of the chosen rows of boxes, and the row of each."""
+    sizes = np.where(chosen, end - start + 1, 0.0)
+    if (most := np.bincount(box, sizes).max(initial=0)) > MAX_LENSES:
+        raise InvalidValueError(
+            f"the box holds some {most:.3g} microlenses, and the limit is {MAX_LENSES}; take a smaller one"
+        )
+    counts = sizes.astype(np.int64)
+    row = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return row, np.where(chosen, start, 0.0).astype(np.int64)[row] + place
 
 
 def lenses_of(array: MicrolensArray, index: NDArray[np.int64]) -> Lenslets:
