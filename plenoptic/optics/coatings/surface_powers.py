@@ -97,7 +97,7 @@ def surface_powers(
     Notes
     -----
     Films are described from the medium of the lower index to the other one, whatever the direction of the light. Above
-    the critical angle the reflectance is 1 less what films absorb. Transmittances are the same in both directions.
+    the critical angle the reflectance is 1 less the absorptance. Transmittances are the same in both directions.
 
     References
     ----------

@@ -78,7 +78,7 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
 
     With `waves`, each ray has its own wavelength: waves[first + i] is the column of `lens.index_ratios` for ray i of
     the block. `index_ratios` (BLOCK,) is then a buffer. With `probes` (elements, PROBE_ROWS, BLOCK), the conditioning
-    is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights are what surfaces transmit.
+    is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights lose reflected light.
     """
     if lens.losses is not None:
         places = np.empty(BLOCK)

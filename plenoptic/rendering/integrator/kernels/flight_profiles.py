@@ -143,5 +143,5 @@ def sheet_profile(sheet, to_waist, direction, extinction, begin, end):
     if not last - first > _LEAST_PART:
         return no_profile()
     variation = 2.0 * extinction * min(width, end - begin)
-    # What the Gaussian does not draw is rare and missing in most renders: less than the error of what it does.
+    # Light beyond the Gaussian is rare and missing in most renders: less than the error of the light within.
     return GAUSSIAN, 1.0 / (1.0 + variation**4 + (6.0 * change) ** 4), centre, width, first, last
