@@ -87,7 +87,7 @@ def furnished():
     return pl.plan(furnished_scene(camera), camera, truth=pl.Truth.ALL, **settings)
 
 
-NOT_FURNISHED = {Stage.DIFFRACTION, Stage.UNVIGNETTED_CORE, Stage.RARE_LIGHT, Stage.GHOSTS}
+NOT_FURNISHED = {Stage.DIFFRACTION, Stage.UNVIGNETTED_CORE, Stage.RARE_LIGHT, Stage.GHOSTS, Stage.PARTICLES}
 
 
 def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
@@ -100,7 +100,7 @@ def test_each_stage_can_be_left_out_and_then_does_not_run(furnished):
         furnished.subject, settings=dataclasses.replace(furnished.subject.settings, caustics=Caustics.INCLUDE)
     )
     found = [*ablations(ablation.plan_for(bent)), *ablations(ablation.plan_for(with_caustics)), *here]
-    assert {one.stage for one in found} == set(Stage) - {Stage.GHOSTS}
+    assert {one.stage for one in found} == set(Stage) - {Stage.GHOSTS, Stage.PARTICLES}
     assert {one.stage for one in found if isinstance(one, Inseparable)} == {Stage.APERTURE_REGIONS}
     apart = [one for one in here if isinstance(one, Ablation)]
     assert sum(not one.also for one in apart) >= 25  # most alone
