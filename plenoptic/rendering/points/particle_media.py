@@ -87,7 +87,7 @@ def sheet_depth(media: ParticleMedia, sheet: Sheet, points: Floats) -> Floats:
     depth = np.multiply.outer(lengths, outside) if outside.any() else np.zeros((len(points), 3))
     if media.box is None:
         return np.asarray(depth)
-    # Rays come from outside all bodies, and what they lose before the start of the sheet is taken off.
+    # Rays come from outside all bodies, and their depth before the start of the sheet is subtracted.
     towards, extinction, nothing = (
         sheet.directions_at(points),
         media.extinction - outside,
