@@ -54,7 +54,7 @@ def traced(name, number, side, threads):
 
 def losses(quick):
     """CPU time of the same samples with coatings over that without, and that at equal error."""
-    side, samples, rounds = (16, 4, 1) if quick else (128, 256, 5)
+    side, samples, rounds = (16, 4, 1) if quick else (64, 256, 5)
     conventional = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(side, side))
     cases = {
         "`objects`": (pl.objects_scene(), reference.camera()),
@@ -83,7 +83,7 @@ def losses(quick):
 
 def ghosts(quick):
     """CPU time of an image with its ghosts over that without, at equal error of the sum."""
-    side, samples, rounds = (16, 16, 1) if quick else (128, 256, 3)
+    side, samples, rounds = (16, 16, 1) if quick else (64, 256, 3)
     camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(side, side))
     options = {"samples": samples, "threads": 1, "progress": False}
     work = {"none": functools.partial(pl.render, pl.check_scene(), camera, **options)}
