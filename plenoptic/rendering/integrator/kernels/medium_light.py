@@ -57,7 +57,8 @@ def _triangle_point(areas, light, u, v):
 def draw_lit_points(points, distances, flights, queue, hits, lights, media, wavelengths):
     """Draw points on flights that lights may shine on, at most one on each; return their number.
 
-    Bodies without a light in them have none: their surfaces block shadow rays. Rows 0 and 1 of the random numbers of the light draw it, rows 2 and 3 of those of the end its distance.
+    Bodies without a light in them have none: their surfaces block shadow rays. Rows 0 and 1 of the random numbers of
+    the light draw it, rows 2 and 3 of those of the end draw the distance.
     """
     reach, random, lot = flights.reach, flights.end_random, flights.light_random
     throughput, travelled, scattering = queue.throughput, hits.travelled, media.scattering
