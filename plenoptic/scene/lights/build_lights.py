@@ -133,6 +133,7 @@ def lights_record(
             environment=environment,
         ),
         far=2 * diameter + 1.0,
+        middle=contiguous(extent.mean(axis=0)),
         candidates=_CANDIDATES if _number_of_lights(items, emitters) >= _MANY else 1,
     )
     return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None
