@@ -110,7 +110,7 @@ def test_slope_of_a_real_lens_is_that_of_its_half_pupils():
     step, distance, sides = 0.5, camera.sensor.half_diagonal / math.tan(chief_angle(camera)), {}
     for x in (-step, 0.0, step):
         middle = x * (1.0 - (camera.z_sensor - camera.lens.vertices[-1]) / distance)  # where the chief ray passes
-        point, direction, weights, slopes = pupil_grid(camera, x, 0.0, 700, middle)
+        point, direction, weights, slopes = pupil_grid(camera, x, 0.0, 350, middle)
         chief = inside(-x / distance, 0.0)
         across = slopes[:, 0] / np.sqrt(2.25 + 1.25 * np.sum(slopes**2, axis=1))
         for half, of_half in enumerate((across < chief, across >= chief)):
@@ -122,7 +122,7 @@ def test_slope_of_a_real_lens_is_that_of_its_half_pupils():
     by_column = 0.02 * sum(sides[-step, half] - sides[step, half] for half in (0, 1)) / (4 * step)
     for depth in (250.0, 330.0, 500.0, 1000.0):
         expected = -(difference @ [1.0, -depth]) / (by_column @ [1.0, -depth])
-        # A grid of 700 points across the rear lens, some 300 across the beam: edges count to (1 / 300)^1.5 = 2e-4.
+        # A grid of 350 points across the rear lens, some 150 across the beam: edges count to (1 / 150)^1.5 = 5e-4.
         assert geometry.disparity(depth)[32, 48] == pytest.approx(expected, rel=1e-3)
 
 

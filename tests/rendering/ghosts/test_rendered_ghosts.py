@@ -72,8 +72,9 @@ def ghosts_of(camera, scene, ghosts, *, seeds=8):
 
 @pytest.mark.parametrize(
     "lens, background, sensor, distance",
-    [(SINGLET, 0.0, None, 50.0), (TRIPLET, 0.2, None, DISTANCE), (TRIPLET, 0.0, 0.3, DISTANCE)],
-    ids=["one pair and a near lamp", "all pairs", "sensor"],
+    # The pairs of the triplet's surfaces, and those with the sensor, bring about as much light.
+    [(SINGLET, 0.0, None, 50.0), (TRIPLET, 0.2, 0.1, DISTANCE)],
+    ids=["one pair and a near lamp", "all pairs and the sensor"],
 )
 def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor, distance):
     camera = camera_of(lens)
@@ -93,10 +94,10 @@ WHITE = pl.Scene([], background=1.0)
 
 
 def test_stated_errors_are_those_of_the_scatter_between_seeds():
-    """Variances of 36 pixels, means over 12 seeds; the image itself has little noise."""
+    """Variances of 36 pixels, means over 12 seeds."""
     camera, ghosts = camera_of(TRIPLET), pl.rendering.Ghosts(samples=512)
     shots = [
-        pl.render(WHITE, camera, ghosts=ghosts, samples=4096, replicates=8, seed=seed, progress=False)
+        pl.render(WHITE, camera, ghosts=ghosts, samples=512, replicates=8, seed=seed, progress=False)
         for seed in range(12)
     ]
     stated = np.mean([np.square(shot.standard_error, dtype=float).mean() for shot in shots])
@@ -126,7 +127,7 @@ def test_regions_and_tiles_have_the_same_bits():
 
 def test_displaced_cameras_see_the_ghosts_of_a_displaced_scene():
     """Pose and displaced lens: the frame of the opening follows both, up to rounding of coordinates."""
-    camera, options = camera_of(TRIPLET), {"samples": 2, "ghosts": pl.rendering.Ghosts(samples=256), "progress": False}
+    camera, options = camera_of(SINGLET), {"samples": 2, "ghosts": pl.rendering.Ghosts(samples=256), "progress": False}
     still = pl.render(scene_of(0.1), camera, **options)
     pose = pl.Pose.look_at((100.0, -50.0, 30.0), (160.0, 20.0, 10.0))
     (lamp,) = scene_of(0.1).meshes
@@ -146,8 +147,8 @@ def test_displaced_cameras_see_the_ghosts_of_a_displaced_scene():
 
 def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
     """Microlenses distribute the light of ghosts over pixels as they do that of the image, and lose as much of it."""
-    lens = pl.load_lens("double-gauss-100mm-f2").with_stop(pl.CircularStop(5.0))
-    z, reflectance = 110.0, 0.2
+    lens = SINGLET.with_stop(pl.CircularStop(5.0))
+    z, reflectance = 110.0, 0.9  # as much light as by the pair of the lens
     array = pl.MicrolensArray(pitch=0.5, focal_lengths=(4.0,), lattice=pl.Lattice.SQUARE)
     plenoptic = pl.PlenopticCamera(
         lens=lens,
@@ -170,10 +171,10 @@ def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
         inner = slice(side // 4, -side // 4)
         light = images[2][inner, inner].mean()
         means[name] = [(image - images[2])[inner, inner].mean() / light for image in images[:2]]
-    # Micro images of ghosts spread over 2 mm, those of the image over 0.3 mm, where the light falls off by a tenth.
+    # Micro images of ghosts reach beyond those of the image, to where the light falls off by some percent.
     assert means["array"][0] == pytest.approx(means["sensor"][0], rel=0.08)
     # Light of the array's pairs is in proportion to its reflectance, that of the others stays.
-    assert means["array"][0] > 1.1 * means["array"][1]
+    assert means["array"][0] > 1.2 * means["array"][1]
 
 
 def test_spectral_cameras_have_the_ghosts_of_their_wavelengths():
