@@ -54,6 +54,15 @@ def test_a_plate_transmits_as_two_surfaces_and_its_glass_do():
     np.testing.assert_allclose(ratio, np.exp(-alpha * through), rtol=1e-12)
 
 
+def test_glass_of_any_depth():
+    """exp(-depth) to 256 roundings of its 256th root, and no light at all behind more than 64."""
+    axial = pl.RayBundle([[0.0, 0.0, -10.0]], [[0.0, 0.0, 1.0]])
+    for depth in (1e-9, 1e-3, 0.5, 3.0, 20.0, 60.0, 1e6):
+        dark = pl.optics.AbsorbingGlass(GLASS, [587.6], [math.exp(-1.0)], thickness=1.0)
+        light = plate(depth, dark).trace(axial).weight[0] / plate(depth).trace(axial).weight[0]
+        assert light == pytest.approx(math.exp(-min(depth, 64.0)), rel=256 * 2.0**-52)
+
+
 def test_a_cemented_doublet_on_its_axis():
     """4 n n' / (n + n')^2 at each of three surfaces; nothing is lost without a coating."""
     elements = [
