@@ -96,9 +96,9 @@ class CameraRays:
             camera_samples.fill_waves(self.waves, start, n, self._batch, number, colour.cdf, self._guide)
         if self._pairs is not None and self._camera.ghosts is not None:
             # Numbers that are independent of those of wavelengths.
-            apart, ghosts = self._batch._replace(seed=~self._batch.seed), self._camera.ghosts
+            batch, ghosts = self._batch._replace(seed=~self._batch.seed), self._camera.ghosts
             pairs = self._pairs[: bundle.size // (RAY // BLOCK)]
-            camera_samples.fill_waves(pairs, start, n, apart, self._illuminated.number, ghosts.cumulative, ghosts.guide)
+            camera_samples.fill_waves(pairs, start, n, batch, self._illuminated.number, ghosts.cumulative, ghosts.guide)
         n_distant = self._fill_samples(
             bundle, core, self.lenslets, self._deflected, start, n, self._batch, self._illuminated
         )
