@@ -27,8 +27,8 @@ class LossRecord(NamedTuple):
     """Losses of the elements of a `LensRecord`, in the order of travel, at its wavelengths."""
 
     transmittance: Floats
-    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index; 1
-    for stops."""
+    """(n, wavelengths, nodes + 1) for unpolarised light, at uniform squares of the cosine in the medium of lower index,
+    the last one twice; 1 for stops."""
     attenuation: Floats | None
     """(n, wavelengths) attenuation coefficient in 1/mm in front of each element, 0 for the first; None if all are 0."""
     absorbing: NDArray[np.bool_] | None
@@ -60,14 +60,16 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
             is_mirror = isinstance(element.medium, Mirror)
             transmittance[k] = powers.transmittance if not is_mirror else _mirror(element, powers.reflectance)
     order = slice(None, None, -1 if reverse else 1)
+    # A cosine of 1 is interpolated towards one more node.
+    tables = np.ascontiguousarray(np.concatenate([transmittance, transmittance[:, :, -1:]], axis=2)[order])
     # Before the first element, the origin of a ray is arbitrary.
     per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in lens.gap_media])
     per_mm = per_mm[1:][order] if reverse else per_mm[:-1].copy()
     per_mm[0] = 0.0
     absorbing = np.asarray(per_mm.any(axis=1))
     if not absorbing.any():
-        return LossRecord(np.ascontiguousarray(transmittance[order]), None, None)
-    return LossRecord(np.ascontiguousarray(transmittance[order]), np.ascontiguousarray(per_mm), absorbing)
+        return LossRecord(tables, None, None)
+    return LossRecord(tables, np.ascontiguousarray(per_mm), absorbing)
 
 
 def _mirror(element: Surface, reflectance: Floats) -> Floats:

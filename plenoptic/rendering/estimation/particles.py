@@ -38,11 +38,11 @@ def with_particles(
         entrance_polygons_at(traced, block)
         pupils = (time.perf_counter() - begin) * len(traced.lit) / len(block)
         rays = choice.rays * choice.seconds * len(traced.lit)
-    share = 1.0 if scene.has_surfaces_or_light else 0.0
+    scene_factor = 1.0 if scene.has_surfaces_or_light else 0.0
     return dataclasses.replace(
         estimate,
-        cpu_seconds=_sum(estimate.cpu_seconds, share, pupils + rays),
-        seconds=_sum(estimate.seconds, share, (pupils + rays) / threads),
+        cpu_seconds=_sum(estimate.cpu_seconds, scene_factor, pupils + rays),
+        seconds=_sum(estimate.seconds, scene_factor, (pupils + rays) / threads),
         peak_memory=_sum(estimate.peak_memory, 1.0, memory),
     )
 

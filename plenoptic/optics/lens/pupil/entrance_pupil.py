@@ -255,8 +255,8 @@ def _largest_supports(support_at: Callable[..., Floats], place: Floats) -> Float
     largest[is_dark.any(axis=1)] = np.nan
     rows = np.flatnonzero(is_dark.all(axis=1))
     cubes, number = np.unique(first[rows], axis=0, return_inverse=True)
-    around = [itertools.product(*(range(int(k) - 1, int(k) + 3) for k in cube)) for cube in cubes]
-    amid_dark = [all(np.isneginf(support_at(*map(float, corner))[0]) for corner in block) for block in around]
+    blocks = [itertools.product(*(range(int(k) - 1, int(k) + 3) for k in cube)) for cube in cubes]
+    amid_dark = [all(np.isneginf(support_at(*map(float, corner))[0]) for corner in block) for block in blocks]
     largest[rows[np.array(amid_dark, bool)[number.ravel()]]] = -np.inf
     return np.asarray(largest)
 
