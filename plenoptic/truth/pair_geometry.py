@@ -15,9 +15,10 @@ from plenoptic.camera.camera_record import camera_record
 from plenoptic.camera.gaussian import image_plane, object_plane
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.core.values import Floats, numbers, result
+from plenoptic.core.values import Floats, check_kind, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 
 _NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
@@ -37,7 +38,7 @@ class CentralRays(NamedTuple):
     by_z: Floats
     """(n, 2) slopes."""
     weights: Floats
-    """(2, n) of both halves, which add up to 1 each."""
+    """(2, n) light of both halves before crosstalk, which adds up to 1."""
 
 
 @result
@@ -50,8 +51,8 @@ class PairGeometry:
     ----------
     camera : PlenopticCamera
     coefficients : (5, 7, 7) array
-        Legendre polynomials over the field by orders along rows and columns: share of the left half, difference of the
-        halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
+        Legendre polynomials over the field by orders along rows and columns, before crosstalk: share of the left half,
+        difference of the halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
     pupil : CentralRays
     """
 
@@ -65,7 +66,8 @@ class PairGeometry:
         The column of a point in the left image minus that in the right one: positive for points nearer than the plane
         in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
         depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
-        is linear in c. Crosstalk between wells comes on top: a scalar c takes c of the disparity.
+        is linear in c. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the disparity
+        and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
         inverse_z = -1.0 / numbers(depth, "depth")
@@ -105,12 +107,19 @@ class PairGeometry:
         return self._values(v, u)
 
     def _values(self, v: Floats, u: Floats) -> Floats:
-        """Features (5, n, m) at places along columns and rows in half sides from the sensor's centre."""
+        """Features (5, n, m), after crosstalk, at places along columns and rows in half sides from the centre."""
         by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
         by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
-        values = by_row.T @ self.coefficients[:3] @ by_column
+        share, *differences = by_row.T @ self.coefficients[:3] @ by_column
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
-        return np.concatenate([values, slopes])
+        # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
+        # that of the next pixel, a column away.
+        to_left, kept, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
+        given = to_left + to_right
+        left, right = kept * share + given * (1.0 - share), kept * (1.0 - share) + given * share
+        factor = 1.0 - given * ((1.0 - share) / left + share / right)
+        columns = to_right * (1.0 - share) / left + to_left * share / right
+        return np.stack([left, *(factor * differences - columns * slopes), *slopes])
 
 
 def _powers(at: Floats) -> Floats:
@@ -144,9 +153,10 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     >>> [round(float(geometry.disparity(depth)[20, 30])) for depth in (1500.0, 2000.0, 3000.0)]
     [16, 0, -16]
     """
-    pixels = camera.sensor.angular_response if isinstance(camera, PlenopticCamera) else None
-    if not isinstance(pixels, DualPixels):
-        raise InvalidValueError("the camera's sensor has no dual pixels; make it with pl.sensor.dual_pixel(...)")
+    check_kind(
+        camera, "camera", PlenopticCamera, "pl.PlenopticCamera(lens, pl.sensor.dual_pixel(pitch, shape), distance)"
+    )
+    pixels = wells_of(camera.sensor)
     if camera.microlenses is not None or camera.lens.model is LensModel.NONE:
         raise InvalidValueError("pairs need a lens, and no microlens array: its microlenses are those on the pixels")
     plain = dataclasses.replace(camera.sensor, angular_response=None)
@@ -195,13 +205,15 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         light = weights.sum(axis=1)
         if not (light > 0).all():
             continue
+        shares = light / light.sum()
         weights /= light[:, None]
         slopes = direction[:, :2] / direction[:, 2:]
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
         left, right = weights @ planes[..., 0].T
-        features[node] = [light[0] / light.sum(), *(left - right), *(0.5 * (left + right))]
+        features[node] = [shares[0], *(left - right), *(0.5 * (left + right))]
         if node == len(nodes) // 2:
             at_zero, by_z = (planes - (weights.mean(axis=0) @ planes)[:, None])[:, :_CENTRAL]
             weights = weights[:, :_CENTRAL]
-            pupil = CentralRays(at_zero, by_z, weights / weights.sum(axis=1, keepdims=True))
+            weights *= (shares / weights.sum(axis=1))[:, None]
+            pupil = CentralRays(at_zero, by_z, weights)
     return features, pupil

@@ -130,30 +130,71 @@ def chief_angle(camera):
     return math.atan(camera.sensor.half_diagonal / camera.sensor.angular_response.pupil_distance)
 
 
+KERNEL = [[0.0, 0.02, 0.0], [0.02, 0.88, 0.04], [0.01, 0.02, 0.01]]
+"""Crosstalk to the left 0.03, to the right 0.05."""
+
+
+def with_crosstalk(geometry, crosstalk):
+    """The geometry of a pair without crosstalk, whose camera gets one: its rays are the same."""
+    pixels = dataclasses.replace(geometry.camera.sensor.angular_response, crosstalk=crosstalk)
+    sensor = dataclasses.replace(geometry.camera.sensor, angular_response=pixels)
+    return dataclasses.replace(geometry, camera=dataclasses.replace(geometry.camera, sensor=sensor))
+
+
 def test_rendered_halves_are_displaced_by_the_disparity():
     camera = camera_of(3.0, shape=(24, 64), pitch=0.05)
-    geometry, column = pl.sensor.pair_geometry(camera), np.arange(64) - 31.5
-    for depth in (304.0, 520.0):
+    plain, column = pl.sensor.pair_geometry(camera), np.arange(64) - 31.5
+    for depth in (350.0, 460.0):
         pixel = 0.05 / abs(pl.paraxial.magnification(camera.lens, -depth))
         wave = 0.5 + 0.4 * np.sin(2 * np.pi * np.arange(6400) / 16 / 20.0)  # of some 20 pixels
         texture, side = pl.Texture(np.broadcast_to(wave[None, :, None], (2, 6400, 3))), 400 * pixel
         board = pl.quad((-side / 2, -side / 2, -depth), (side, 0, 0), (0, side, 0), material=pl.Lambertian(texture))
         scene = pl.Scene([board], background=1.0)
         shots = [pl.render(scene, each, samples=64, progress=False) for each in pl.sensor.well_cameras(camera)]
-        images, fits = pl.sensor.read_wells(shots), []
-        lines = np.stack([half.mean(axis=(0, 2)) for half in (images.left, images.right)], axis=1)
-        for period in np.linspace(12.0, 28.0, 801):
-            waves = [f(2 * np.pi * column / period) for f in (np.cos, np.sin)]
-            terms = np.stack([np.ones(64), column, *waves], axis=1)
-            fit, residual, *_ = np.linalg.lstsq(terms, lines, rcond=None)
-            fits.append((float(residual.sum()), period, *(np.arctan2(fit[3], fit[2]) / (2 * np.pi))))
-        _, period, left, right = min(fits)
-        expected = geometry.disparity(depth)[12, 32]
-        # Half discs shift waves by their centroids, to second order in their width over the period.
-        width = geometry.blur(expected)[:, 0]
-        turns = np.angle(geometry.pupil.weights @ np.exp(2j * np.pi * width / period)) / (2 * np.pi)
-        assert (turns[0] - turns[1]) * period == pytest.approx(expected, rel=0.05)
-        assert (left - right - round(left - right)) == pytest.approx(turns[0] - turns[1], rel=3e-3)
+        for crosstalk in (0.0, KERNEL):
+            geometry = with_crosstalk(plain, crosstalk)
+            wells = zip(shots, pl.sensor.well_cameras(geometry.camera), strict=True)
+            images = pl.sensor.read_wells([dataclasses.replace(shot, camera=each) for shot, each in wells])
+            lines, fits = np.stack([half.mean(axis=(0, 2)) for half in (images.left, images.right)], axis=1), []
+            for period in np.linspace(12.0, 28.0, 801):
+                waves = [f(2 * np.pi * column / period) for f in (np.cos, np.sin)]
+                terms = np.stack([np.ones(64), column, *waves], axis=1)
+                fit, residual, *_ = np.linalg.lstsq(terms[1:-1], lines[1:-1], rcond=None)
+                fits.append((float(residual.sum()), period, *(np.arctan2(fit[3], fit[2]) / (2 * np.pi))))
+            _, period, left, right = min(fits)
+            expected = geometry.disparity(depth)[12, 32]
+            # Half discs shift waves by their centroids, to second order in their width over the period.
+            width = geometry.blur(expected)[:, 0]
+            light = geometry.pupil.weights @ np.exp(2j * np.pi * width / period)
+            kernel = geometry.camera.sensor.angular_response.crosstalk
+            (to_left, kept, to_right), column_away = kernel.sum(axis=0), np.exp(2j * np.pi / period)
+            crossing = [[kept, to_left + to_right * column_away], [to_right + to_left / column_away, kept]]
+            turns = np.angle(crossing @ light) / (2 * np.pi)
+            assert (turns[0] - turns[1]) * period == pytest.approx(expected, rel=0.05)
+            assert (left - right - round(left - right)) == pytest.approx(turns[0] - turns[1], rel=3e-3)
+
+
+def test_crosstalk_shortens_the_baseline():
+    # Half discs divided off their middle, with shares l and r of the light. The left image collects kept l, to_left r,
+    # and to_right r of the column before; the right one kept r, to_right l, and to_left l of the next column.
+    camera = camera_of(6.0, pl.LensModel.THIN, cra=0.03, pitch=0.1, matched=False)
+    plain = pl.sensor.pair_geometry(camera)
+    geometry = with_crosstalk(plain, KERNEL)
+    to_left, kept, to_right = 0.03, 0.92, 0.05
+    asymmetry = plain.asymmetry()
+    share = np.stack([1.0 + asymmetry, 1.0 - asymmetry]) / 2
+    assert np.ptp(share[0]) > 0.05
+    for depth in (300.0, 404.0, 900.0):
+        right = plain.disparity(depth)  # centroid of the right half, with that of the left one at 0
+        left_light = kept * share[0] + (to_left + to_right) * share[1]
+        right_light = kept * share[1] + (to_left + to_right) * share[0]
+        left_mean = (to_left * right + to_right * (right - 1.0)) * share[1] / left_light
+        right_mean = (kept * right * share[1] + to_left * 1.0 * share[0]) / right_light
+        assert geometry.disparity(depth) == pytest.approx(right_mean - left_mean, abs=1e-9)
+        assert geometry.depth(geometry.disparity(depth)) == pytest.approx(depth, rel=1e-9)
+        assert geometry.asymmetry() == pytest.approx(left_light - right_light, abs=1e-12)
+    middle = [each.disparity(300.0)[32, 48] for each in (with_crosstalk(plain, 0.02), plain)]
+    assert middle[0] == pytest.approx(0.98 * middle[1] + 0.01, abs=1e-4)  # the second order of unequal halves
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import Matches
-from plenoptic.readout.well_images import WellImages
+from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
+from plenoptic.readout.well_images import WellImages, after_crosstalk
 from plenoptic.truth.pair_geometry import PairGeometry, pair_geometry
 
 DEFAULT_RANGE, DEFAULT_RADIUS = (-10.0, 10.0), 8
@@ -67,28 +68,37 @@ def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats
     They are divided by their expected value for white noise of variance 1, so that noise prefers no disparity. Also
     returns, by planes, that value and the expected product of it and of the squared derivative of the noise.
     """
-    shape = pair.shape[1:]
+    shape = pair.shape[1], pair.shape[2]
     left, right = np.fft.rfft2(pair)
     costs, noise = np.empty((len(planes), *shape)), np.zeros((2, len(planes)))
     columns = np.fft.rfftfreq(shape[1])
     band = np.hypot(np.fft.fftfreq(shape[0])[:, None], columns) <= _BAND
     share = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
-    before = np.zeros((3, *band.shape))
+    before = 3 * (np.zeros(band.shape),)
     for k, disparity in enumerate(planes):
-        offsets = geometry.blur(disparity)
-        by_left, by_right = np.fft.rfft2([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
+        by_left, by_right = np.fft.rfft2(_point_images(geometry, disparity, shape))
         power = np.abs(by_left) ** 2 + np.abs(by_right) ** 2
         passed = band / np.sqrt(power + _DAMPING**2)
         noise[0, k] = np.sum(power * passed**2 * share)
         turn = np.abs(before[0] * by_right - before[1] * by_left) * before[2] * passed / (disparity - planes[k - 1])
         noise[1, k] = np.sum(turn**2 * share)
         costs[k] = np.fft.irfft2((left * by_right - right * by_left) * passed, shape) ** 2 / noise[0, k]
-        before = np.stack([by_left, by_right, passed])
+        before = by_left, by_right, passed
     return costs, noise
 
 
+def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, int]) -> Floats:
+    """Images (2, H, W) of a point at the first pixel, continued periodically, after crosstalk; sums are 1."""
+    pixels, offsets = wells_of(geometry.camera.sensor), geometry.blur(disparity)
+    halves = np.stack([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
+    # Upper and lower wells of quads are taken to see the same.
+    wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
+    images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
+    return images / images.sum(axis=(1, 2), keepdims=True)
+
+
 def _blur(offsets: Floats, weights: Floats, shape: tuple[int, ...]) -> Floats:
-    """Image of a point at the first pixel, continued periodically, through one half: the sum of its rays."""
+    """Image of a point at the first pixel through one half: the sum of its rays."""
     place = offsets[:, ::-1]
     corner = np.floor(place).astype(np.int64)
     part = place - corner
@@ -139,8 +149,8 @@ def _minimise(cost: Floats, planes: Floats, noise: Floats) -> Matches:
         slope = (falling * up + rising * down) / (down + up)
         shift = np.clip(-slope / curvature, -down, up)
         lowest = np.maximum(minimum + 0.5 * slope * shift, 0.0)
-        # A sum S of squares of n waves has the curvature 2 / variance at its least, in units of the variance S / n; noise
-        # also moves the minimum by the product of itself and its derivative.
+        # The sum S of squares of n waves has the curvature 2 / variance at its least, in units of the variance S / n.
+        # Noise also moves the minimum by the product of itself and its derivative.
         variance = 2.0 * lowest / ((noise[0, k] - 1.0) * curvature)
         error = np.sqrt(variance * (1.0 + noise[1, k] * variance))
         confidence = np.clip(1.0 - lowest / np.median(cost, axis=0), 0.0, 1.0)
