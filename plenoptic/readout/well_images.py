@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, result
+from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.rendering.exposure import Exposure
@@ -74,6 +74,7 @@ def well_cameras(camera: PlenopticCamera) -> tuple[PlenopticCamera, ...]:
     >>> [each.sensor.angular_response.well for each in pl.sensor.well_cameras(camera)]
     [(0, 0), (0, 1), (1, 0), (1, 1)]
     """
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(lens, pl.sensor.dual_pixel(pitch, shape), 50.0)")
     rows, columns = wells_of(camera.sensor).split
     return tuple(_reading(camera, (row, column)) for row in range(rows) for column in range(columns))
 
@@ -103,7 +104,9 @@ def read_wells(exposures: Sequence[Exposure]) -> WellImages:
     >>> images.left.shape, images.wells.shape
     ((8, 12, 1), (1, 2, 8, 12, 1))
     """
-    shots = tuple(exposures)
+    shots = exposures if isinstance(exposures, list | tuple) else [exposures]
+    for shot in shots:
+        check_kind(shot, "an item of exposures", Exposure, "pl.render(scene, camera)")
     cameras = tuple(shot.camera for shot in shots)
     if not shots or cameras[0] is None or cameras != well_cameras(cameras[0]):
         raise InvalidValueError(

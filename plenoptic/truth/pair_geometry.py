@@ -11,13 +11,16 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_rays import CameraRays
-from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.camera_record import camera_record, response_record
 from plenoptic.camera.gaussian import image_plane, object_plane
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.core.values import Floats, check_kind, numbers, result
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.core.values import Floats, broadcast, check_kind, finite, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.kernels.to_lens import fill_well_response
+from plenoptic.optics.microlens.microlens_record import SensorPlane, WellsRecord
 from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 
@@ -70,13 +73,16 @@ class PairGeometry:
         and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
-        inverse_z = -1.0 / numbers(depth, "depth")
+        depths, _ = broadcast(depth=depth, region=a)
+        if (depths <= 0).any():
+            raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+        inverse_z = -1.0 / depths
         return np.asarray(-(a * inverse_z + b) / (c * inverse_z + d))
 
     def depth(self, disparity: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Depths (H, W) in mm of pixels with signed disparities, one or (H, W); nan beyond that of infinity."""
         _, a, b, c, d = self._features(region)
-        pixels = numbers(disparity, "disparity")
+        pixels, _ = broadcast(disparity=disparity, region=a)
         with np.errstate(divide="ignore"):
             depth = (a + pixels * c) / (b + pixels * d)
         return np.where(depth > 0, depth, np.nan)
@@ -95,14 +101,21 @@ class PairGeometry:
 
     def blur(self, disparity: float) -> Floats:
         """Columns and rows (n, 2) by which the `pupil` rays displace images of points of a disparity, at the centre."""
+        pixels = finite(disparity, "disparity")
         _, a, b, c, d = (float(value) for value in self._values(np.zeros(1), np.zeros(1))[:, 0, 0])
-        inverse_z = -(b + disparity * d) / (a + disparity * c)
+        inverse_z = -(b + pixels * d) / (a + pixels * c)
         return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
 
     def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
         """(5, H, W) share, differences of the halves' centroids, and derivatives of their middle by columns."""
         rows, columns = self.camera.sensor.shape
-        top, bottom, left, right = region or (0, rows, 0, columns)
+        ends = np.array([0, rows, 0, columns]) if region is None else numbers(region, "region")
+        top, bottom, left, right = ends if ends.shape == (4,) else np.zeros(4)
+        if not (0 <= top < bottom <= rows and 0 <= left < right <= columns and (ends == np.round(ends)).all()):
+            raise InvalidValueError(
+                f"region is {region!r:.60}; give the first and end row, and the first and end column, of a part of "
+                f"{rows} x {columns} pixels"
+            )
         v, u = (2.0 * np.arange(top, bottom) + 1.0) / rows - 1.0, (2.0 * np.arange(left, right) + 1.0) / columns - 1.0
         return self._values(v, u)
 
@@ -163,7 +176,7 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     plain_camera = dataclasses.replace(camera, pose=None, sensitivity=None, diffraction=None, sensor=plain)
     v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
     nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
-    features, pupil = _trace(plain_camera, dataclasses.replace(pixels, well=None), nodes)
+    features, pupil = _trace(plain_camera, pixels, nodes)
     lit = np.isfinite(features[:, 0])
     if lit.sum() < 2 * len(_ORDERS) or pupil is None:
         raise InvalidValueError(
@@ -178,28 +191,21 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
 
 def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
     """Features (n, 5) of nodes (n, 2) in rows and columns, nan for dark ones; and the rays of the middle one."""
-    from plenoptic.core.kernels.ray_blocks import BLOCK
-
     record = camera_record(camera)
     parts, to_local = record.parts, record.parts.sensor_to_local
     local = to_local.points(np.column_stack([camera.sensor.centre_of(*nodes.T), np.zeros(len(nodes))]))
     illuminated = illuminated_pixels(record, np.ascontiguousarray(local[:, :2]), np.zeros(len(nodes), np.int64))
     camera_rays = CameraRays(record, illuminated, batch_record(np.uint64(0), 0, _SAMPLES, 1, 0, 0), _SAMPLES)
-    tilt = np.zeros(2) if parts.tilt is None else parts.tilt
+    halves = [_half_record(camera, pixels, column) for column in (0, 1)]
     features, pupil = np.full((len(nodes), 5), np.nan), None
     for k, node in enumerate(illuminated.place):
         bundle = camera_rays.sample(k * _SAMPLES, _SAMPLES)
-        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
-        starts, aims = (rays[:2] - rays[3:5]).T, rays[3:5].T
-        height = parts.distance + starts @ tilt
-        x, y, _ = to_local.inverse().points(np.column_stack([starts, height])).T
-        l, m, n = to_local.inverse().directions(np.column_stack([aims, -height])).T
-        halves = pixels.halves_at(-l / n, -m / n, x, y)
+        responses = np.stack([_responses(bundle, record.sensor.plane, half) for half in halves])
         camera_rays.fill_through_array(bundle)
         camera_rays.fill_through_lens(bundle)
-        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
+        rays = bundle.reshape(-1, RAY // BLOCK, BLOCK).swapaxes(0, 1).reshape(RAY // BLOCK, -1)
         arrived = rays[7] == 0
-        weights, point, direction = halves[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
+        weights, point, direction = responses[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
         if parts.lens_to_camera is not None:
             point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
         light = weights.sum(axis=1)
@@ -217,3 +223,20 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
             weights *= (shares / weights.sum(axis=1))[:, None]
             pupil = CentralRays(at_zero, by_z, weights)
     return features, pupil
+
+
+def _half_record(camera: PlenopticCamera, pixels: DualPixels, column: int) -> WellsRecord:
+    """Wells of one half of the pixels, in all rows."""
+    half = dataclasses.replace(pixels, split=(1, 2), well=(0, column))
+    reading = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=half))
+    record = response_record(reading, camera_record(camera).parts)
+    assert isinstance(record, WellsRecord)
+    return record._replace(rows=dataclasses.replace(pixels, well=None).intervals(0))
+
+
+def _responses(bundle: Floats, plane: SensorPlane, wells: WellsRecord) -> Floats:
+    """Responses (n,) of wells to aimed samples."""
+    samples = bundle.copy().reshape(-1, RAY // BLOCK, BLOCK)
+    samples[:, WEIGHT // BLOCK] = 1.0
+    fill_well_response(samples.reshape(-1), plane, wells)
+    return samples[:, WEIGHT // BLOCK].ravel()

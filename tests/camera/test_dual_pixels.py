@@ -308,6 +308,9 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
     assert same.any() and np.nanmedian(np.abs(cropped.disparity - found.disparity[part])) < 0.02
 
 
+GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7)), None)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -324,6 +327,13 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
         (lambda: pl.sensor.pair_geometry(pl.camera.example_camera()), r"make it with pl.sensor.dual_pixel"),
         (lambda: pl.sensor.read_wells([pl.Exposure(np.ones((2, 2, 1)))]), "not those of all wells of one camera"),
         (lambda: pl.sensor.pair_geometry(camera_of(1.0, cra=1.4, matched=False, pitch=0.3)), "get no light in one of"),
+        (lambda: pl.sensor.well_cameras(3), "camera is an int; give a PlenopticCamera"),
+        (lambda: pl.sensor.read_wells([3]), "an item of exposures is an int; give an Exposure"),
+        (
+            lambda: GEOMETRY.asymmetry(region=(0, 9, 0, 5)),
+            r"region is \(0, 9, 0, 5\); give the first and end row, .* 4 x 6",
+        ),
+        (lambda: GEOMETRY.disparity(-400.0), "depth holds -400 mm; it must be above 0"),
         (lambda: pl.Sensor((4, 4), 0.01, angular_response=3), "AngularResponse, DualPixels or None"),
     ],
 )
