@@ -203,7 +203,7 @@ def test_asymmetry_at_the_edge_against_brute_force():
     camera = camera_of(17.0, shape=(41, 61), pitch=0.5, cra=0.25, height=0.7, gap=0.05, matched=False)
     geometry, images = pl.sensor.pair_geometry(camera), whites(camera, 256, np.s_[20:21, 0:61])
     pixels = camera.sensor.angular_response
-    for column in (1, 30, 50):
+    for column in (1, 20, 30, 50):
         x, y = camera.sensor.centre_of(20, column)
         light = np.zeros(2)
         for dx in (np.arange(4) + 0.5) / 8 - 0.25:  # over the pixel's width
@@ -217,9 +217,10 @@ def test_asymmetry_at_the_edge_against_brute_force():
         expected = (light[0] - light[1]) / light.sum()
         left, right = images.left[0, column, 0], images.right[0, column, 0]
         error = math.hypot(*(float(shot.standard_error[0, column, 0]) for shot in images.exposures)) / (left + right)
-        # Grids of 240 points, and polynomials over the field where rims set in.
+        # Grids of 240 points are off by 1.5e-3. The Monte Carlo error of the geometry is 1e-4, by four seeds; its
+        # polynomials of order 6 are off by 3.5e-3 where rims set in.
         assert (left - right) / (left + right) == pytest.approx(expected, abs=4 * error + 2e-3)
-        assert geometry.asymmetry()[20, column] == pytest.approx(expected, abs=0.01)
+        assert geometry.asymmetry()[20, column] == pytest.approx(expected, abs=6e-3)
     assert abs(geometry.asymmetry()[20, 1]) > 0.2
 
 
@@ -271,6 +272,42 @@ def test_crosstalk_moves_light_to_neighbouring_wells_and_pixels():
             assert error[3:6, 9 + well : 12 + well] == pytest.approx(0.1 * shares, abs=1e-7)
         flat = [pl.Exposure(np.ones((9, 11, 1)), camera=each) for each in pl.sensor.well_cameras(crossed)]
         assert pl.sensor.read_wells(flat).wells == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("crosstalk", [0.0, KERNEL])
+def test_the_stated_error_of_strong_blur_is_that_of_noise(crosstalk):
+    lens, side = DOUBLE_GAUSS.scaled(focal_length=4.4).with_stop(pl.CircularStop(1.1)), 240
+    camera = pl.PlenopticCamera(lens, pl.sensor.dual_pixel(0.0014, (side, side)), 5.0).focused_at(-500.0)
+    geometry = with_crosstalk(pl.sensor.pair_geometry(camera), crosstalk)
+    disparity = float(geometry.disparity(260.0)[side // 2, side // 2])
+    assert 2.5 < disparity < 6.0
+    # A texture of waves, which rays of both halves displace, and columns of the sensor by crosstalk.
+    random, pixel = np.random.default_rng(7), np.arange(side)
+    waves = random.normal(0.0, 0.1, (2, 600))  # cycles per pixel
+    heights = random.normal(size=600) * np.exp(2j * np.pi * random.uniform(size=600))
+    light = geometry.pupil.weights @ np.exp(-2j * np.pi * geometry.blur(disparity) @ waves)
+    moves = np.exp(-2j * np.pi * np.outer([-1.0, 0.0, 1.0], waves[1]))  # by rows
+    kernel, column = geometry.camera.sensor.angular_response.crosstalk, np.exp(-2j * np.pi * waves[0])
+    (to_left, kept, to_right), (shares_left, shares_kept, shares_right) = kernel.T @ moves, kernel.sum(axis=0)
+    left = kept * light[0] + (to_left + to_right * column) * light[1]
+    right = kept * light[1] + (to_right + to_left / column) * light[0]
+    white = [[shares_kept, shares_left + shares_right], [shares_left + shares_right, shares_kept]]
+    white = white @ geometry.pupil.weights.sum(axis=1)
+    along = [np.exp(2j * np.pi * np.outer(pixel, wave)) for wave in waves]
+    halves = np.stack(
+        [((along[1] * (heights * half)) @ along[0].T).real for half in (left / white[0], right / white[1])]
+    )
+    asymmetry = geometry.asymmetry()
+    halves *= [1.0 + asymmetry, 1.0 - asymmetry]
+    halves += random.normal(0.0, 0.4 * halves.std(), halves.shape)
+    exposures = tuple(pl.Exposure(half[..., None], camera=geometry.camera) for half in halves)
+    found = pl.lightfield.depth(pl.sensor.WellImages(geometry.camera, exposures), disparity_range=(-1.0, 9.0))
+    z = ((found.disparity - disparity) / found.standard_error)[30:-30, 30:-30]
+    assert np.isfinite(z).all()
+    # 180 x 180 pixels are 112 windows: an error of 0.067 of their rms, of 0.094 of their mean.
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.2)
+    assert abs(z.mean()) < 0.35
 
 
 @pytest.mark.slow
