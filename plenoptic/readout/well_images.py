@@ -104,7 +104,7 @@ def read_wells(exposures: Sequence[Exposure]) -> WellImages:
     >>> images.left.shape, images.wells.shape
     ((8, 12, 1), (1, 2, 8, 12, 1))
     """
-    shots = exposures if isinstance(exposures, list | tuple) else [exposures]
+    shots = tuple(exposures) if isinstance(exposures, list | tuple) else (exposures,)
     for shot in shots:
         check_kind(shot, "an item of exposures", Exposure, "pl.render(scene, camera)")
     cameras = tuple(shot.camera for shot in shots)

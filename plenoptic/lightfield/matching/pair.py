@@ -94,7 +94,7 @@ def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, in
     # Upper and lower wells of quads are taken to see the same.
     wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
     images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
-    return images / images.sum(axis=(1, 2), keepdims=True)
+    return np.asarray(images / images.sum(axis=(1, 2), keepdims=True))
 
 
 def _blur(offsets: Floats, weights: Floats, shape: tuple[int, ...]) -> Floats:
