@@ -90,7 +90,7 @@ def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
 
 
 def ghost_lens(camera: PlenopticCamera, sensor: float | None, array: float | None) -> GhostLens:
-    """The lens of a camera with the reflectance of its sensor, or of the flat face of its microlens array."""
+    """The lens of a camera with the reflectance of its sensor, or of a plane at the first vertex of its microlenses."""
     if sensor is not None and camera.microlenses is not None:
         raise InvalidValueError(
             "ghosts have a reflectance of the sensor, and light is not traced back through microlenses; give that of "
@@ -100,9 +100,10 @@ def ghost_lens(camera: PlenopticCamera, sensor: float | None, array: float | Non
         raise InvalidValueError(
             "ghosts have a reflectance of the array, and the camera has no microlenses: leave it out"
         )
-    reflectance = sensor if camera.microlenses is None else array
-    plane = None if reflectance is None else (camera.stop_to_microlenses, reflectance)
-    return GhostLens(camera.lens, plane)
+    z, reflectance, microlenses = camera.stop_to_microlenses, sensor, camera.microlenses
+    if microlenses is not None:
+        z, reflectance = z - microlenses.model.refraction.depths(microlenses).front, array
+    return GhostLens(camera.lens, None if reflectance is None else (z, reflectance))
 
 
 def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:

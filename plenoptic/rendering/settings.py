@@ -45,12 +45,13 @@ class Ghosts:
     Parameters
     ----------
     orders : int, optional
-        Number of reflections: 2. Four reflections bring a few percent of the light of two.
+        Number of reflections: 2, and no other. Four bring the square of that light or less: 0.045 % of the image in a
+        bare Cooke triplet, where two bring 2.28 %.
     sensor : float, optional
         Reflectance of the sensor of a camera without microlenses, such as `sensor.silicon_reflectance`; None: none.
     array : float, optional
-        Reflectance of the face of a microlens array towards the lens, as a plane at its front principal plane: right
-        for flat faces, while curved ones spread the light; None: none.
+        Reflectance of the face of a microlens array towards the lens, as a plane at its first vertex that is
+        perpendicular to the axis: right for flat faces, while curved ones spread the light; None: none.
     samples : int, optional
         Paths of ghosts for each pixel; None: a quarter of those of the image.
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
+from plenoptic.camera.ghost_camera import ghost_lens
 
 TRIPLET = pl.load_lens("cooke-triplet-50mm-f5")
 SINGLET = pl.load_lens("singlet-100mm-f4")
@@ -87,6 +88,70 @@ def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, backgr
     totals = images.sum(axis=(1, 2))
     total_error = math.hypot(totals.std(ddof=1) / math.sqrt(len(totals)), np.linalg.norm(expected_error))
     assert abs(totals.mean() - expected.sum()) < 4 * total_error < 0.1 * expected.sum()
+
+
+def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
+    """Light of two reflections on each pixel behind thin microlenses, the array among the surfaces, and its error.
+
+    Paths run from points of the array through points of a disc at the last element, and reflect by chance. On the other
+    side, the microlens with the nearest centre of a square lattice refracts them to a pixel. A pixel is the mean of
+    cos^4 at the sensor, over squared distances, times the areas of both planes, over its own.
+    """
+    lens, random, z = camera.lens, np.random.default_rng(seed), camera.stop_to_microlenses
+    (rows, columns), pixel, array = camera.sensor.shape, camera.sensor.pixel_pitch, camera.microlenses
+    half, radius = 0.5 * rows * pixel + 2.0 * array.pitch, 1.3 * lens.elements[-1].semi_diameter
+    depth = z - float(lens.vertices[-1])
+    sums = np.zeros((2, rows * columns))
+    for _ in range(batches):
+        crossing = random.uniform(-half, half, (n, 2))
+        r, angle = radius * np.sqrt(random.random(n)), 2 * math.pi * random.random(n)
+        slope = (crossing - np.column_stack([r * np.cos(angle), r * np.sin(angle)])) / depth
+        centre = array.pitch * np.round(crossing / array.pitch)
+        behind = slope - (crossing - centre) / array.focal_lengths[0]
+        x, y = (crossing + camera.microlenses_to_sensor * behind).T
+        column, row = np.floor(0.5 * columns - x / pixel), np.floor(0.5 * rows + y / pixel)
+        lands = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        backwards = np.column_stack([-slope, -np.ones(n)])[lands]
+        backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
+        start = np.column_stack([crossing, np.full(n, z)])[lands]
+        p, d, light, turns = mirror_trace.chance(lens, start, backwards, random, sensor=(z, reflectance))
+        d = np.where(d[:, 2:] < 0, d, np.nan)
+        hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
+        lit = (turns == 2) & (np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP)
+        weight = np.where(lit, light / (1.0 + np.square(behind[lands]).sum(axis=1)) ** 2, 0.0)
+        pixels = (row * columns + column)[lands].astype(int)
+        sums += [np.bincount(pixels, w, rows * columns) for w in (weight, weight**2)]
+    factor = (2 * half) ** 2 * math.pi * radius**2 / depth**2 / pixel**2
+    mean, square = (part.reshape(rows, columns) / (batches * n) for part in sums)
+    return factor * mean, factor * np.sqrt((square - mean**2) / (batches * n))
+
+
+def bins(image, side):
+    """Sums over blocks of side x side pixels in the last two axes."""
+    rows, columns = image.shape[-2:]
+    return image.reshape(*image.shape[:-2], rows // side, side, columns // side, side).sum(axis=(-3, -1))
+
+
+@pytest.mark.parametrize("lens", [SINGLET, pytest.param(TRIPLET, marks=pytest.mark.slow)], ids=["singlet", "triplet"])
+def test_ghosts_of_the_array_are_those_of_paths_that_reflect_by_chance(lens):
+    """A mirror as the array, whose pairs are most of the light; micro images of a near lamp overlap."""
+    camera = dataclasses.replace(
+        camera_of(lens, side=24),
+        microlenses=pl.MicrolensArray(pitch=3.0, focal_lengths=(9.0,), lattice=pl.Lattice.SQUARE),
+        microlenses_to_sensor=8.0,
+    )
+    expected, expected_error = array_by_chance(camera, 1.0)
+    images = ghosts_of(camera, scene_of(0.0), pl.rendering.Ghosts(array=1.0, samples=1024))
+    for side in (1, 3, 24):
+        ours, theirs = bins(images, side), bins(expected, side)
+        image, squares = ours.mean(axis=0), bins(np.square(expected_error), side)
+        error = np.sqrt(ours.var(axis=0, ddof=1) / len(ours) + squares)
+        # Pixels of more than some hundred paths that reflect by chance.
+        bright = image > 0.25 * image.max()
+        z = (image - theirs)[bright] / error[bright]
+        # Student's t of 7 degrees of freedom has a variance of 1.4.
+        assert np.abs(z).max() < (4.0 if side == 24 else 6.0)
+        assert len(z) > 50 and np.mean(z * z) < 2.5 if side < 24 else error < 0.015 * theirs
 
 
 WHITE = pl.Scene([], background=1.0)
@@ -174,6 +239,18 @@ def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
     assert means["array"][0] == pytest.approx(means["sensor"][0], rel=0.08)
     # Light of the array's pairs is in proportion to its reflectance, that of the others stays.
     assert means["array"][0] > 1.1 * means["array"][1]
+
+
+def test_the_face_of_thick_microlenses_is_their_first_vertex():
+    """Light returns from the flat side of glass in front, thickness / index before the front principal plane."""
+    sides = pl.optics.ConvexSide
+    for side, distance in ((sides.SENSOR, 0.4 / 1.6), (sides.SCENE, 0.0)):
+        array = pl.MicrolensArray(
+            0.2, (2.0,), model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.4, index=1.6, convex_side=side
+        )
+        camera = dataclasses.replace(camera_of(SINGLET), microlenses=array, microlenses_to_sensor=2.0)
+        z, reflectance = ghost_lens(camera, None, 0.1).sensor
+        assert (camera.stop_to_microlenses - z, reflectance) == (pytest.approx(distance, abs=1e-12), 0.1)
 
 
 def test_spectral_cameras_have_the_ghosts_of_their_wavelengths():
