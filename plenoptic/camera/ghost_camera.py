@@ -19,6 +19,7 @@ from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.ghosts.ghost_rays import covering_rays, points_on
+from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
 from plenoptic.optics.lens.lens_record import radiometric_lens_record
 from plenoptic.optics.lens.loss_record import table_cosines
@@ -89,8 +90,9 @@ def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
     )
 
 
-def ghost_lens(camera: PlenopticCamera, sensor: float | None, array: float | None) -> GhostLens:
+def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
     """The lens of a camera with the reflectance of its sensor, or of a plane at the first vertex of its microlenses."""
+    sensor, array = ghosts.sensor, ghosts.array
     if sensor is not None and camera.microlenses is not None:
         raise InvalidValueError(
             "ghosts have a reflectance of the sensor, and light is not traced back through microlenses; give that of "

@@ -18,12 +18,15 @@ from plenoptic.scene.points import Points
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.materials.medium import Medium
     from plenoptic.scene.scene import Scene
 
 _WAVELENGTHS = 16
 """Wavelengths at which a camera with a spectral sensitivity is traced."""
+_GHOST_WAVELENGTHS = 4
+"""Those of its ghosts, which are dim and blurred."""
 
 
 class Passband(NamedTuple):
@@ -61,13 +64,22 @@ class ParticleScene(NamedTuple):
         return max(self.channels, len(self.intensity[0]))
 
 
-def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
+def particle_scene(
+    points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int, ghosts: Ghosts | None = None
+) -> ParticleScene:
     """Compile particles before a camera, hidden by the meshes of a scene and weakened by its medium.
 
+    With `ghosts`, light reaches the sensor by reflections in the lens only, each pair of surfaces being a passband.
     Raises errors of particles at bad places.
     """
     medium = None if scene is None else scene.medium
-    passbands = _passbands(camera, medium)
+    passbands = _passbands(camera, medium, _WAVELENGTHS if ghosts is None else _GHOST_WAVELENGTHS)
+    if ghosts is not None:
+        from plenoptic.camera.psf.ghost_spread import ghost_records  # few images have ghosts
+
+        passbands = tuple(
+            band._replace(record=path) for band in passbands for path in ghost_records(band.record.camera, ghosts)
+        )
     record = passbands[0].record
     in_lens_axes(record, points.positions)
     centre = _pupil_centre(record)
@@ -88,7 +100,7 @@ def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None,
     )
 
 
-def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband, ...]:
+def _passbands(camera: PlenopticCamera, medium: Medium | None, wavelengths: int) -> tuple[Passband, ...]:
     """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
     extinction = None
     if medium is not None:
@@ -99,7 +111,7 @@ def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband
         return (Passband(diffraction_record(camera), np.eye(3), extinction),)
     tables = colour_tables(camera.sensitivity)
     probability = np.diff(tables.cdf, prepend=0.0)
-    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
+    middle, parts = tables.cdf - 0.5 * probability, min(wavelengths, len(tables.wavelengths))
     part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
     bands = []
     for k in np.unique(part):
