@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.coatings.coating import Reflectance
+from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
 from plenoptic.optics.coatings.surface_powers import surface_powers
 from plenoptic.optics.glass.absorption import attenuation
 from plenoptic.optics.lens.models import LensModel
@@ -50,15 +51,12 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
-    indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
-    transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
+    indices = np.array([lens.indices(each) for each in wavelengths])
+    transmittance = np.ones((len(lens.elements), len(wavelengths), _INTERVALS + 1))
     for k, element in enumerate(lens.elements):
         if isinstance(element, Surface):
             low, high = (pick(indices[:, k], indices[:, k + 1]) for pick in (np.minimum, np.maximum))
-            powers = surface_powers(element.coating, low, high, cosines, nm)
-            is_mirror = isinstance(element.medium, Mirror)
-            transmittance[k] = powers.transmittance if not is_mirror else _mirror(element, powers.reflectance)
+            transmittance[k] = _table(element, low, high, wavelengths)
     order = slice(None, None, -1 if reverse else 1)
     # A cosine of 1 is interpolated towards one more node.
     tables = np.ascontiguousarray(np.concatenate([transmittance, transmittance[:, :, -1:]], axis=2)[order])
@@ -72,6 +70,21 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     return LossRecord(tables, np.ascontiguousarray(per_mm), absorbing)
 
 
-def _mirror(element: Surface, reflectance: Floats) -> Floats:
-    """Light that goes on behind a mirror."""
-    return reflectance if isinstance(element.coating, Reflectance) else np.ones_like(reflectance)
+def _table(element: Surface, low: Floats, high: Floats, wavelengths: tuple[float, ...]) -> Floats:
+    """Light (wavelengths, nodes) that goes on behind a surface between media of a lower and a higher index."""
+    if isinstance(element.medium, Mirror):
+        if not isinstance(element.coating, Reflectance):
+            return np.ones((len(wavelengths), _INTERVALS + 1))
+        nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
+        return surface_powers(element.coating, low[:, np.newaxis], high[:, np.newaxis], cosines, nm).reflectance
+    return _transmittance(element.coating, tuple(low.tolist()), tuple(high.tolist()), wavelengths)
+
+
+@functools.lru_cache(maxsize=256)
+def _transmittance(
+    coating: SurfaceCoating | None, low: tuple[float, ...], high: tuple[float, ...], wavelengths: tuple[float, ...]
+) -> Floats:
+    """Table of a refracting surface; unfolded stacks of ghosts pass the same surfaces many times."""
+    indices = (np.array(index)[:, np.newaxis] for index in (low, high))
+    nm = np.array(wavelengths)[:, np.newaxis]
+    return surface_powers(coating, *indices, table_cosines(), nm).transmittance

@@ -19,12 +19,15 @@ from plenoptic.scene.points import Points
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
     from plenoptic.rendering.points.particle_media import ParticleMedia
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 
 _WAVELENGTHS = 16
 """Wavelengths at which a camera with a spectral sensitivity is traced."""
+_GHOST_WAVELENGTHS = 4
+"""Those of its ghosts, which are dim and blurred."""
 
 
 class Passband(NamedTuple):
@@ -65,9 +68,12 @@ class ParticleScene(NamedTuple):
         return max(self.channels, len(self.intensity[0]))
 
 
-def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
+def particle_scene(
+    points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int, ghosts: Ghosts | None = None
+) -> ParticleScene:
     """Compile particles before a camera, hidden by the meshes of a scene and weakened by its media.
 
+    With `ghosts`, light reaches the sensor by reflections in the lens only, each pair of surfaces being a passband.
     Raises errors of particles at bad places.
     """
     record = diffraction_record(camera)
@@ -78,7 +84,14 @@ def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None,
         from plenoptic.rendering.points.particle_media import particle_media, sheet_depth
 
         media = particle_media(scene, centre)
-    passbands = _passbands(camera, record, None if media is None else media.extinction)
+    extinction = None if media is None else media.extinction
+    passbands = _passbands(camera, record, extinction, _WAVELENGTHS if ghosts is None else _GHOST_WAVELENGTHS)
+    if ghosts is not None:
+        from plenoptic.camera.psf.ghost_spread import ghost_records  # few images have ghosts
+
+        passbands = tuple(
+            band._replace(record=path) for band in passbands for path in ghost_records(band.record.camera, ghosts)
+        )
     occluder = None if scene is None else _occluder(scene, points, centre)
     intensity = points.intensities(centre)
     columns = intensity if intensity.ndim == 2 else intensity[:, None]
@@ -94,7 +107,9 @@ def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None,
     )
 
 
-def _passbands(camera: PlenopticCamera, record: ForwardRecord, extinction: Floats | None) -> tuple[Passband, ...]:
+def _passbands(
+    camera: PlenopticCamera, record: ForwardRecord, extinction: Floats | None, wavelengths: int
+) -> tuple[Passband, ...]:
     """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity.
 
     `extinction` (media + 1, 3) is that of red, green and blue.
@@ -106,7 +121,7 @@ def _passbands(camera: PlenopticCamera, record: ForwardRecord, extinction: Float
         return (Passband(record, np.eye(3), extinction, {}),)
     tables = colour_tables(camera.sensitivity)
     probability = np.diff(tables.cdf, prepend=0.0)
-    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
+    middle, parts = tables.cdf - 0.5 * probability, min(wavelengths, len(tables.wavelengths))
     part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
     bands = []
     for k in np.unique(part):

@@ -21,7 +21,7 @@ from plenoptic.camera.psf.sensor_hits import (
 )
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons, rim_polygons
 from plenoptic.rendering.points.particle_scene import ParticleScene, Passband
 
 REPLICATES = 8
@@ -136,15 +136,17 @@ def trace_particles(
 
 
 def entrance_polygons_at(scene: ParticleScene, number: NDArray[np.int64]) -> list[NDArray[np.float32]]:
-    """Polygons (n, SIDES, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
+    """Polygons (n, sides, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
     world, radius = scene.points.positions[number], 0.5 * scene.points.diameter[number]
     radii = radius if radius.any() else None
-    return [
-        entrance_polygons(band.record.entrance, in_lens_axes(band.record, world), radii, band.outlines).astype(
-            np.float32
-        )
-        for band in scene.passbands
-    ]
+    return [_polygons(band, in_lens_axes(band.record, world), radii).astype(np.float32) for band in scene.passbands]
+
+
+def _polygons(band: Passband, points: Floats, radii: Floats | None) -> Floats:
+    """Corners (n, sides, 2) of polygons around the rays of points (n, 3) in the lens axes; nan if dark."""
+    if band.record.unfolded is None:
+        return entrance_polygons(band.record.entrance, points, radii, band.outlines)
+    return rim_polygons(band.record.entrance, points, radii)
 
 
 class ParticleTask(NamedTuple):

@@ -23,6 +23,7 @@ from plenoptic.rendering.schedule.outcome import warn_if_late
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
     from plenoptic.rendering.plan.stages import Subject
     from plenoptic.rendering.schedule.budget import Budget
     from plenoptic.rendering.schedule.run import RenderOptions
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 
 _ROWS = 128
 """Rows of an image to which the light of particles is added together."""
+
+
+_GHOST_ERROR = 10.0
+"""Error of the light of ghosts over that of the image, each as a fraction of its light: ghosts are the smaller part."""
 
 
 class PointsImage(NamedTuple):
@@ -41,8 +46,10 @@ class PointsImage(NamedTuple):
     """Time that their rays took."""
 
 
-def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed: int, threads: int) -> PointsImage:
-    """Image of a scene's particles; memory does not grow with their number.
+def image_of_points(
+    scene: Scene, camera: PlenopticCamera, budget: Budget, seed: int, threads: int, ghosts: Ghosts | None = None
+) -> PointsImage:
+    """Image of a scene's particles, or of their `ghosts` alone; memory does not grow with their number.
 
     Under a time limit, of which surfaces get the second half, they may have fewer rays than their error needs.
     """
@@ -52,11 +59,12 @@ def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed:
     check_focusing(camera)
     begin, part_of_time = time.perf_counter(), 0.5 if scene.has_surfaces_or_light else 0.9
     end = math.inf if budget.time_limit is None else begin + part_of_time * budget.time_limit
-    traced = particle_scene(scene.points, camera, scene, seed)
+    traced = particle_scene(scene.points, camera, scene, seed, ghosts)
     rows, columns = camera.sensor.shape
     image, variance = np.zeros((2, rows * columns, traced.image_channels))
     if len(traced.lit):
         target_error = TARGET_ERROR if budget.target_error is None else budget.target_error
+        target_error *= 1.0 if ghosts is None else _GHOST_ERROR
         rays = choose_rays(traced, target_error, threads, end)
         intensity = traced.intensity / pixel_area(camera)
         for part in trace_particles(traced, rays, threads, traced.lit):

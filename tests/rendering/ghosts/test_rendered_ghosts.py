@@ -6,27 +6,10 @@ import math
 import mirror_trace
 import numpy as np
 import pytest
+from ghost_images import DISTANCE, LAMP, SINGLET, TRIPLET, bins, camera_of, ghosts_of, scene_of
 
 import plenoptic as pl
-
-TRIPLET = pl.load_lens("cooke-triplet-50mm-f5")
-SINGLET = pl.load_lens("singlet-100mm-f4")
-LAMP, DISTANCE = 150.0, 500.0
-"""Half side and distance in mm of a square lamp before a dark or grey background."""
-
-
-def camera_of(lens, side=6, **parts):
-    focus = pl.paraxial.cardinal_points(lens).rear_focus
-    sensor = pl.Sensor(shape=(side, side), pixel_pitch=24.0 / side)
-    return pl.PlenopticCamera(lens=lens, sensor=sensor, stop_to_microlenses=focus, **parts)
-
-
-def scene_of(background, distance=DISTANCE):
-    lamp = LAMP * distance / DISTANCE
-    corners = [[-lamp, -lamp, 0], [lamp, -lamp, 0], [lamp, lamp, 0], [-lamp, lamp, 0]]
-    vertices = np.add(corners, (10.0, 0.0, -distance))
-    lamp = pl.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], material=pl.Emissive(1.0))
-    return pl.Scene([lamp], background=background)
+from plenoptic.camera.ghost_camera import ghost_lens
 
 
 def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, seed=3):
@@ -60,16 +43,6 @@ def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, s
     return image, errors
 
 
-def ghosts_of(camera, scene, ghosts, *, seeds=8):
-    """Light of ghosts alone, (seeds, rows, columns): images with them less those without, whose bits they share."""
-    images = []
-    for seed in range(seeds):
-        options = {"samples": 2, "seed": seed, "progress": False}
-        image, both = (pl.render(scene, camera, ghosts=g, **options) for g in (None, ghosts))
-        images.append((both.image.astype(float) - image.image)[..., 0])
-    return np.array(images)
-
-
 @pytest.mark.parametrize(
     "lens, background, sensor, distance",
     # The pairs of the triplet's surfaces, and those with the sensor, bring about as much light.
@@ -88,6 +61,64 @@ def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, backgr
     totals = images.sum(axis=(1, 2))
     total_error = math.hypot(totals.std(ddof=1) / math.sqrt(len(totals)), np.linalg.norm(expected_error))
     assert abs(totals.mean() - expected.sum()) < 4 * total_error < 0.1 * expected.sum()
+
+
+def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
+    """Light of two reflections on each pixel behind thin microlenses, the array among the surfaces, and its error.
+
+    Paths run from points of the array through points of a disc at the last element, and reflect by chance. On the other
+    side, the microlens with the nearest centre of a square lattice refracts them to a pixel. A pixel is the mean of
+    cos^4 at the sensor, over squared distances, times the areas of both planes, over its own.
+    """
+    lens, random, z = camera.lens, np.random.default_rng(seed), camera.stop_to_microlenses
+    (rows, columns), pixel, array = camera.sensor.shape, camera.sensor.pixel_pitch, camera.microlenses
+    half, radius = 0.5 * rows * pixel + 2.0 * array.pitch, 1.3 * lens.elements[-1].semi_diameter
+    depth = z - float(lens.vertices[-1])
+    sums = np.zeros((2, rows * columns))
+    for _ in range(batches):
+        crossing = random.uniform(-half, half, (n, 2))
+        r, angle = radius * np.sqrt(random.random(n)), 2 * math.pi * random.random(n)
+        slope = (crossing - np.column_stack([r * np.cos(angle), r * np.sin(angle)])) / depth
+        centre = array.pitch * np.round(crossing / array.pitch)
+        behind = slope - (crossing - centre) / array.focal_lengths[0]
+        x, y = (crossing + camera.microlenses_to_sensor * behind).T
+        column, row = np.floor(0.5 * columns - x / pixel), np.floor(0.5 * rows + y / pixel)
+        lands = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        backwards = np.column_stack([-slope, -np.ones(n)])[lands]
+        backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
+        start = np.column_stack([crossing, np.full(n, z)])[lands]
+        p, d, light, turns = mirror_trace.chance(lens, start, backwards, random, sensor=(z, reflectance))
+        d = np.where(d[:, 2:] < 0, d, np.nan)
+        hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
+        lit = (turns == 2) & (np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP)
+        weight = np.where(lit, light / (1.0 + np.square(behind[lands]).sum(axis=1)) ** 2, 0.0)
+        pixels = (row * columns + column)[lands].astype(int)
+        sums += [np.bincount(pixels, w, rows * columns) for w in (weight, weight**2)]
+    factor = (2 * half) ** 2 * math.pi * radius**2 / depth**2 / pixel**2
+    mean, square = (part.reshape(rows, columns) / (batches * n) for part in sums)
+    return factor * mean, factor * np.sqrt((square - mean**2) / (batches * n))
+
+
+@pytest.mark.parametrize("lens", [SINGLET, pytest.param(TRIPLET, marks=pytest.mark.slow)], ids=["singlet", "triplet"])
+def test_ghosts_of_the_array_are_those_of_paths_that_reflect_by_chance(lens):
+    """A mirror as the array, whose pairs are most of the light; micro images of a near lamp overlap."""
+    camera = dataclasses.replace(
+        camera_of(lens, side=24),
+        microlenses=pl.MicrolensArray(pitch=3.0, focal_lengths=(9.0,), lattice=pl.Lattice.SQUARE),
+        microlenses_to_sensor=8.0,
+    )
+    expected, expected_error = array_by_chance(camera, 1.0)
+    images = ghosts_of(camera, scene_of(0.0), pl.rendering.Ghosts(array=1.0, samples=1024))
+    for side in (1, 3, 24):
+        ours, theirs = bins(images, side), bins(expected, side)
+        image, squares = ours.mean(axis=0), bins(np.square(expected_error), side)
+        error = np.sqrt(ours.var(axis=0, ddof=1) / len(ours) + squares)
+        # Pixels of more than some hundred paths that reflect by chance.
+        bright = image > 0.25 * image.max()
+        z = (image - theirs)[bright] / error[bright]
+        # Student's t of 7 degrees of freedom has a variance of 1.4.
+        assert np.abs(z).max() < (4.0 if side == 24 else 6.0)
+        assert len(z) > 50 and np.mean(z * z) < 2.5 if side < 24 else error < 0.015 * theirs
 
 
 WHITE = pl.Scene([], background=1.0)
@@ -177,6 +208,18 @@ def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
     assert means["array"][0] > 1.2 * means["array"][1]
 
 
+def test_the_face_of_thick_microlenses_is_their_first_vertex():
+    """Light returns from the flat side of glass in front, thickness / index before the front principal plane."""
+    sides = pl.optics.ConvexSide
+    for side, distance in ((sides.SENSOR, 0.4 / 1.6), (sides.SCENE, 0.0)):
+        array = pl.MicrolensArray(
+            0.2, (2.0,), model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.4, index=1.6, convex_side=side
+        )
+        camera = dataclasses.replace(camera_of(SINGLET), microlenses=array, microlenses_to_sensor=2.0)
+        z, reflectance = ghost_lens(camera, pl.rendering.Ghosts(array=0.1)).sensor
+        assert (camera.stop_to_microlenses - z, reflectance) == (pytest.approx(distance, abs=1e-12), 0.1)
+
+
 def test_spectral_cameras_have_the_ghosts_of_their_wavelengths():
     """A glass without dispersion: all channels see those of one wavelength."""
     glass = pl.ConstantMedium(1.6)
@@ -215,20 +258,14 @@ def test_media_around_the_lens_scale_the_radiance_of_ghosts_as_of_the_image():
     assert ghosts / image == pytest.approx(expected, rel=0.03)
 
 
-def test_particles_have_no_ghosts():
-    points = pl.Points([[0.0, 0.0, -600.0]], intensity=1.0)
-    camera, options = camera_of(TRIPLET), {"samples": 2, "progress": False}
-    alone = pl.Scene(points=points)
-    image, both = (pl.render(alone, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
-    np.testing.assert_array_equal(both.image, image.image)
-    beside = pl.Scene(points=points, background=1e-3)
-    image, both = (pl.render(beside, camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts()))
-    white, ghosts = (
-        pl.render(pl.Scene(background=1e-3), camera, ghosts=g, **options) for g in (None, pl.rendering.Ghosts())
+def test_ghosts_of_particles_and_surfaces_add_up():
+    points = pl.Points([[0.0, 0.0, -600.0]], intensity=1e-3)
+    camera, options = camera_of(SINGLET), {"samples": 2, "progress": False}
+    scenes = (pl.Scene(points=points, background=1e-3), pl.Scene(points=points), pl.Scene(background=1e-3))
+    both, particles, surfaces = (
+        pl.render(scene, camera, ghosts=pl.rendering.Ghosts(), **options).image for scene in scenes
     )
-    np.testing.assert_allclose(
-        both.image - image.image, ghosts.image - white.image, atol=2e-7 * float(image.image.max())
-    )
+    np.testing.assert_allclose(both, particles + surfaces, rtol=1e-5)
 
 
 def test_bad_input_is_answered_by_a_sentence():

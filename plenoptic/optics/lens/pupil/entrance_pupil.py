@@ -279,16 +279,29 @@ def _corner_support(
     return np.asarray((outline.support - (1.0 - fraction) * (normals_of(SIDES) @ point[:2])) / fraction)
 
 
+def rim_polygons(where: Entrance, points: Floats, radius: Floats | None = None) -> Floats:
+    """Corners (n, 4, 2) on the plane of the entrance of rectangles around all rays to the first element of an exact
+    lens, from points (n, 3) or discs around them.
+    """
+    low, high = _rim_box(where, points)
+    if radius is not None:
+        size = _radius_in_plane(np.stack([low, high], axis=1), where.z, points, radius)[:, None]
+        low, high = low - size, high + size
+    return np.stack([low, np.column_stack([high[:, 0], low[:, 1]]), high, np.column_stack([low[:, 0], high[:, 1]])], 1)
+
+
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
-    """Bounding box of all rays that can pass the first element, or the opening of an ideal lens."""
-    height = where.z - point[2]
+    """Bounding box of all rays that can pass the first element, or the opening of an ideal lens, from a point (3,); or
+    boxes (n, 2) of points (n, 3), not of ideal lenses.
+    """
+    height = where.z - point[..., 2:]
     if IDEAL in where.lens.rows["kind"]:
         centre, reach = _ideal_opening(where.lens, point)
         return centre - reach, centre + reach
     sides = []
     for depth in (0.0, where.depth):
         fraction = height / (height + depth)
-        middle = point[:2] + fraction * (where.centre - point[:2])
+        middle = point[..., :2] + fraction * (where.centre - point[..., :2])
         sides += [middle - fraction * where.reach, middle + fraction * where.reach]
     return np.min(sides, axis=0), np.max(sides, axis=0)
 
