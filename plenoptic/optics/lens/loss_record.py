@@ -85,6 +85,5 @@ def _transmittance(
     coating: SurfaceCoating | None, low: tuple[float, ...], high: tuple[float, ...], wavelengths: tuple[float, ...]
 ) -> Floats:
     """Table of a refracting surface; unfolded stacks of ghosts pass the same surfaces many times."""
-    indices = (np.array(index)[:, np.newaxis] for index in (low, high))
-    nm = np.array(wavelengths)[:, np.newaxis]
-    return surface_powers(coating, *indices, table_cosines(), nm).transmittance
+    n_low, n_high, nm = (np.array(numbers)[:, np.newaxis] for numbers in (low, high, wavelengths))
+    return surface_powers(coating, n_low, n_high, table_cosines(), nm).transmittance
