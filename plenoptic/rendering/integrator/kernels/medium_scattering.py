@@ -113,8 +113,7 @@ def _nearness(start, end, lights):
 
     Paths that leave the scene, and hit nothing, bring the less light the farther from it they scatter.
     """
-    middle = (lights.middle[0], lights.middle[1], lights.middle[2])
-    before, after = sub(start, middle), sub(end, middle)
+    before, after = sub(start, lights.middle), sub(end, lights.middle)
     near2 = max(dot(before, before), (_NEAR * lights.far) ** 2)
     return max(_LEAST_NEARNESS, min(1.0, near2 / max(dot(after, after), near2)))
 
