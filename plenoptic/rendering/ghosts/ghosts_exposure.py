@@ -40,8 +40,8 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
         from plenoptic.rendering.points.points_exposure import add_points, image_of_points
 
         unlimited, seed = Budget(1, None, None, 1), _SEED ^ seed_number(options.seed)
-        points = image_of_points(scene, subject.camera, unlimited, seed, thread_count(options.threads), ghosts)
-        shot = add_points(shot, points)
+        threads = thread_count(options.threads)
+        shot = add_points(shot, image_of_points(scene, subject.camera, unlimited, seed, threads, ghosts), threads)
         if not scene.has_surfaces_or_light:
             return shot
         scene = dataclasses.replace(scene, points=None)
