@@ -127,10 +127,10 @@ class PairGeometry:
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
         # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
         # that of the next pixel, a column away.
-        to_left, kept, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
-        given = to_left + to_right
-        left, right = kept * share + given * (1.0 - share), kept * (1.0 - share) + given * share
-        factor = 1.0 - given * ((1.0 - share) / left + share / right)
+        to_left, retention, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
+        crosstalk = to_left + to_right
+        left, right = retention * share + crosstalk * (1.0 - share), retention * (1.0 - share) + crosstalk * share
+        factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
         columns = to_right * (1.0 - share) / left + to_left * share / right
         return np.stack([left, *(factor * differences - columns * slopes), *slopes])
 

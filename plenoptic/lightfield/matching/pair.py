@@ -74,16 +74,16 @@ def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats
     columns = np.fft.rfftfreq(shape[1])
     band = np.hypot(np.fft.fftfreq(shape[0])[:, None], columns) <= _BAND
     share = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
-    before = 3 * (np.zeros(band.shape),)
+    previous = 3 * (np.zeros(band.shape),)
     for k, disparity in enumerate(planes):
         by_left, by_right = np.fft.rfft2(_point_images(geometry, disparity, shape))
         power = np.abs(by_left) ** 2 + np.abs(by_right) ** 2
-        passed = band / np.sqrt(power + _DAMPING**2)
-        noise[0, k] = np.sum(power * passed**2 * share)
-        turn = np.abs(before[0] * by_right - before[1] * by_left) * before[2] * passed / (disparity - planes[k - 1])
+        gain = band / np.sqrt(power + _DAMPING**2)
+        noise[0, k] = np.sum(power * gain**2 * share)
+        turn = np.abs(previous[0] * by_right - previous[1] * by_left) * previous[2] * gain / (disparity - planes[k - 1])
         noise[1, k] = np.sum(turn**2 * share)
-        costs[k] = np.fft.irfft2((left * by_right - right * by_left) * passed, shape) ** 2 / noise[0, k]
-        before = by_left, by_right, passed
+        costs[k] = np.fft.irfft2((left * by_right - right * by_left) * gain, shape) ** 2 / noise[0, k]
+        previous = by_left, by_right, gain
     return costs, noise
 
 
