@@ -112,7 +112,7 @@ def assembly(camera: PlenopticCamera) -> Assembly:
             frame = np.concatenate([array.turn.ravel(), array.shift])
     sensor = local_from_lens.of(sensor)
     sensor = sensor._replace(shift=sensor.shift - np.array([0.0, 0.0, behind]))
-    distance, tilt = _plane_coefficients(sensor)
+    distance, tilt = plane_coefficients(sensor)
     return Assembly(
         None if camera.lens_placement is None else lens, frame, z_plane, turn, origin, sensor, distance, tilt
     )
@@ -126,7 +126,7 @@ def lens_to_world(camera: PlenopticCamera, parts: Assembly) -> Rigid | None:
     return pose if parts.lens_to_camera is None else pose.of(parts.lens_to_camera)
 
 
-def _plane_coefficients(sensor: Rigid) -> tuple[float, Floats | None]:
+def plane_coefficients(sensor: Rigid) -> tuple[float, Floats | None]:
     """Plane of the sensor as distance and slopes: z = distance + tilt . (x, y)."""
     normal = sensor.turn[:, 2]
     slopes = -normal[:2] / normal[2]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.assembly import assembly, sensor_corners
+from plenoptic.camera.assembly import assembly, plane_coefficients, rigid, sensor_corners
 from plenoptic.camera.camera_record import radiance_scale
 from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord
 from plenoptic.core.color.spectra import ColourTables
@@ -21,10 +21,10 @@ from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.ghosts.ghost_rays import covering_rays, points_on
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
-from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
-from plenoptic.optics.lens.lens_record import radiometric_lens_record
+from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pair_records, pairs_of, reflecting_lens
 from plenoptic.optics.lens.loss_record import table_cosines
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.stops.circle import CircularStop
@@ -50,10 +50,18 @@ _GUIDES = 1024
 
 @value
 class GhostLens:
-    """A lens whose ghosts a camera shows, and the plane behind it that reflects, as z in mm and reflectance."""
+    """A lens whose ghosts a camera shows, and the plane behind it that reflects: z in mm on the axis of the lens,
+    reflectance, and its tilt to that axis.
+    """
 
     lens: LensStack
     sensor: tuple[float, float] | None
+    placement: Placement | None = None
+
+    @property
+    def reflecting(self) -> LensStack:
+        """The lens with surfaces that reflect, and the plane as its last element."""
+        return reflecting_lens(self.lens, self.sensor, self.placement)
 
 
 def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
@@ -103,10 +111,15 @@ def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
         raise InvalidValueError(
             "ghosts have a reflectance of the array, and the camera has no microlenses: leave it out"
         )
-    z, reflectance, microlenses = camera.stop_to_microlenses, sensor, camera.microlenses
+    microlenses, reflectance, placed, front = camera.microlenses, sensor, camera.sensor_placement, 0.0
     if microlenses is not None:
-        z, reflectance = z - microlenses.model.refraction.depths(microlenses).front, array
-    return GhostLens(camera.lens, None if reflectance is None else (z, reflectance))
+        reflectance, placed = array, camera.microlenses_placement
+        front = microlenses.model.refraction.depths(microlenses).front
+    if reflectance is None:
+        return GhostLens(camera.lens, None)
+    plane = rigid(camera.lens_placement, 0.0).inverse().of(rigid(placed, camera.stop_to_microlenses))
+    z, tilt = plane_coefficients(plane._replace(shift=plane.points(np.array([0.0, 0.0, -front]))))
+    return GhostLens(camera.lens, (z, reflectance), None if tilt is None else Placement(rotation=plane.turn))
 
 
 def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:
@@ -123,7 +136,7 @@ def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArr
 
 def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTables | None) -> GhostRecord:
     """Compile the pairs of a lens; `camera` is that of `opening_camera`, and `colour` has the wavelengths of paths."""
-    lens, last = reflecting_lens(ghosts.lens, ghosts.sensor), len(ghosts.lens.elements) - 1
+    lens, last = ghosts.reflecting, len(ghosts.lens.elements) - 1
     pairs, vertices = pairs_of(lens), ghosts.lens.vertices
     if not pairs:
         raise InvalidValueError("the lens has a single reflecting surface, and no pair throws ghosts: leave them out")
@@ -144,7 +157,7 @@ def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTable
     rear = np.array([stack.vertices[-1] for stack in stacks])
     front = np.array([stack.vertices[0] for stack in stacks]) - vertices[0] + vertices[-1]
     return GhostRecord(
-        tuple(radiometric_lens_record(stack, at, reverse=True) for stack in stacks),
+        pair_records(stacks, at, reverse=True),
         np.column_stack([rear, front]),
         probability,
         cumulative,

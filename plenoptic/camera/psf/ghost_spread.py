@@ -11,8 +11,7 @@ from plenoptic.camera.psf.psf_results import Spot, add_spots, trace_spots
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, in_lens_axes, radiometric_record, ray_tasks
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
-from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
-from plenoptic.optics.lens.lens_record import radiometric_lens_record
+from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pair_records, pairs_of, reflecting_lens
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance
 
 if TYPE_CHECKING:
@@ -24,15 +23,14 @@ def ghost_records(camera: PlenopticCamera, ghosts: Ghosts) -> list[ForwardRecord
 
     Stacks begin at the first vertex of the lens, in its axes. Rays are aimed at the rim of the first element.
     """
-    reflecting, last = ghost_lens(camera, ghosts), len(camera.lens.elements) - 1
-    lens, vertices = reflecting_lens(camera.lens, reflecting.sensor), camera.lens.vertices
+    lens, vertices = ghost_lens(camera, ghosts).reflecting, camera.lens.vertices
+    last = len(camera.lens.elements) - 1
     first_element = entrance(reflecting_lens(camera.lens), camera.wavelength)
     record = radiometric_record(camera)._replace(ideal=False, entrance=first_element)
+    stacks = [ghost_stack(lens, pair, last, (camera.wavelength,)) for pair in pairs_of(lens)]
     records = []
-    for pair in pairs_of(lens):
-        stack = ghost_stack(lens, pair, last, (camera.wavelength,))
+    for stack, path in zip(stacks, pair_records(stacks, camera.wavelength, reverse=False), strict=True):
         front, rear = (float(stack.vertices[k] - vertices[k]) for k in (0, -1))
-        path = radiometric_lens_record(stack, camera.wavelength, reverse=False)
         rows = path.rows.copy()
         rows["z"] -= front
         records.append(record._replace(lens=path._replace(rows=rows), unfolded=rear - front))

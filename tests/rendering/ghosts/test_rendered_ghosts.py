@@ -10,6 +10,7 @@ from ghost_images import DISTANCE, LAMP, SINGLET, TRIPLET, bins, camera_of, ghos
 
 import plenoptic as pl
 from plenoptic.camera.ghost_camera import ghost_lens
+from plenoptic.optics.lens.placement import rotation_about_axes
 
 
 def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, seed=3):
@@ -17,7 +18,9 @@ def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, s
     lens, random, z = camera.lens, np.random.default_rng(seed), camera.z_sensor
     rows, columns = camera.sensor.shape
     image, errors = np.zeros((2, rows, columns))
-    last = lens.elements[-1]
+    last, turned = lens.elements[-1], camera.sensor_placement
+    turn = np.eye(3) if turned is None else turned.rotation
+    normal = turn[:, 2]
     for row in range(rows):
         for column in range(columns):
             points = camera.sensor.centre_of(row, column) + camera.sensor.pixel_pitch * random.uniform(
@@ -27,13 +30,12 @@ def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, s
             radius = 1.3 * last.semi_diameter
             r, angle = radius * np.sqrt(random.random(n)), 2 * math.pi * random.random(n)
             target = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(n, lens.vertices[-1])])
-            origin = np.column_stack([points, np.full(n, z)])
+            origin = np.column_stack([points, np.zeros(n)]) @ turn.T + [0.0, 0.0, z]
             along = target - origin
             length = np.linalg.norm(along, axis=1)
-            cosine = -along[:, 2] / length
-            solid = math.pi * radius**2 * cosine**2 / length**2  # projected at both ends
+            solid = math.pi * radius**2 * along[:, 2] * (along @ normal) / length**4  # projected at both ends
             p, d, light, turns = mirror_trace.chance(
-                lens, origin, along / length[:, None], random, sensor=None if sensor is None else (z, sensor)
+                lens, origin, along / length[:, None], random, sensor=None if sensor is None else (z, sensor, normal)
             )
             d = np.where(d[:, 2:] < 0, d, np.nan)
             hit = p[:, :2] + ((-distance - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
@@ -44,13 +46,19 @@ def by_chance(camera, background, *, sensor=None, distance=DISTANCE, n=60_000, s
 
 
 @pytest.mark.parametrize(
-    "lens, background, sensor, distance",
+    "lens, background, sensor, distance, tilt",
     # The pairs of the triplet's surfaces, and those with the sensor, bring about as much light.
-    [(SINGLET, 0.0, None, 50.0), (TRIPLET, 0.2, 0.1, DISTANCE)],
-    ids=["one pair and a near lamp", "all pairs and the sensor"],
+    [
+        (SINGLET, 0.0, None, 50.0, None),
+        (TRIPLET, 0.2, 0.1, DISTANCE, None),
+        (SINGLET, 1.0, 0.9, DISTANCE, (0.15, 0.0, 0.0)),
+    ],
+    ids=["one pair and a near lamp", "all pairs and the sensor", "tilted sensor"],
 )
-def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor, distance):
+def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, background, sensor, distance, tilt):
     camera = camera_of(lens)
+    if tilt is not None:
+        camera = camera.moved(pl.CameraPart.SENSOR, tilt=tilt)
     expected, expected_error = by_chance(camera, background, sensor=sensor, distance=distance)
     images = ghosts_of(camera, scene_of(background, distance), pl.rendering.Ghosts(sensor=sensor, samples=1024))
     image, error = images.mean(axis=0), images.std(axis=0, ddof=1) / math.sqrt(len(images))
@@ -87,7 +95,9 @@ def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
         backwards = np.column_stack([-slope, -np.ones(n)])[lands]
         backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
         start = np.column_stack([crossing, np.full(n, z)])[lands]
-        p, d, light, turns = mirror_trace.chance(lens, start, backwards, random, sensor=(z, reflectance))
+        p, d, light, turns = mirror_trace.chance(
+            lens, start, backwards, random, sensor=(z, reflectance, np.array([0.0, 0.0, 1.0]))
+        )
         d = np.where(d[:, 2:] < 0, d, np.nan)
         hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
         lit = (turns == 2) & (np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP)
@@ -174,6 +184,27 @@ def test_displaced_cameras_see_the_ghosts_of_a_displaced_scene():
     z = (first.mean(axis=0) - second.mean(axis=0)) / error
     assert np.abs(z).max() < 5.0
     assert np.mean(z * z) < 2.0
+
+
+def test_cameras_that_are_turned_as_a_whole_have_the_same_ghosts():
+    turn = rotation_about_axes((0.12, 0.05, 0.0))
+    for camera, ghosts in (
+        (camera_of(SINGLET, side=4), pl.rendering.Ghosts(sensor=0.9, samples=1024)),
+        (pl.camera.example_camera(shape=(32, 32)), pl.rendering.Ghosts(array=0.9, samples=128)),
+    ):
+        z = {"lens": 0.0, "sensor": camera.z_sensor}
+        if camera.microlenses is not None:
+            z["microlenses"] = camera.stop_to_microlenses
+        turned = {
+            f"{part}_placement": pl.optics.Placement(turn @ [0.0, 0.0, at] - [0.0, 0.0, at], turn)
+            for part, at in z.items()
+        }
+        scene = pl.Scene(background=1.0)
+        expected, image = (
+            ghosts_of(c, scene, ghosts).sum(axis=(1, 2)) for c in (camera, dataclasses.replace(camera, **turned))
+        )
+        error = math.hypot(*(x.std(ddof=1) / math.sqrt(len(x)) for x in (expected, image)))
+        assert abs(image.mean() - expected.mean()) < 4 * error < 0.05 * expected.mean()
 
 
 def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():

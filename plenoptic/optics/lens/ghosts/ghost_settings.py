@@ -24,7 +24,7 @@ class Ghosts:
         Reflectance of the sensor of a camera without microlenses, such as `sensor.silicon_reflectance`; None: none.
     array : float, optional
         Reflectance of the face of a microlens array towards the lens, as a plane at its first vertex that is
-        perpendicular to the axis: right for flat faces, while curved ones spread the light; None: none.
+        perpendicular to its axis: right for flat faces, while curved ones spread the light; None: none.
     samples : int, optional
         Paths of ghosts for each pixel in `render`; None: a quarter of those of the image.
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.coatings.coating import Coating, Reflectance
 from plenoptic.optics.coatings.surface_powers import surface_powers
 from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.elements import Element
+from plenoptic.optics.lens.lens_record import FRAME, LensRecord, radiometric_lens_record
 from plenoptic.optics.lens.loss_record import table_cosines
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
@@ -24,12 +27,14 @@ if TYPE_CHECKING:
 BARE = Coating()
 
 
-def reflecting_lens(lens: LensStack, sensor: tuple[float, float] | None = None) -> LensStack:
+def reflecting_lens(
+    lens: LensStack, sensor: tuple[float, float] | None = None, placement: Placement | None = None
+) -> LensStack:
     """The lens, traced exactly, with `BARE` surfaces in place of those without coating.
 
     `sensor` is z in mm and the reflectance of a plane that becomes the last element, so large that light which it
-    reflects from the last element to the last element stays inside; None: no sensor. PrescriptionError if the lens has
-    mirrors, or the sensor does not lie behind it.
+    reflects from the last element to the last element stays inside; None: no sensor. `placement` turns it.
+    PrescriptionError if the lens has mirrors, or the sensor does not lie behind it.
     """
     elements: list[Element] = []
     for element in lens.elements:
@@ -48,8 +53,10 @@ def reflecting_lens(lens: LensStack, sensor: tuple[float, float] | None = None) 
             )
         radius = 2.0 * max(element.semi_diameter for element in elements)
         elements[-1] = dataclasses.replace(elements[-1], thickness=gap)
-        plane = Surface(np.inf, medium=lens.rear_medium, semi_diameter=radius, coating=Reflectance(reflectance))
-        elements.append(plane)
+        coating = Reflectance(reflectance)
+        elements.append(
+            Surface(np.inf, medium=lens.rear_medium, semi_diameter=radius, coating=coating, placement=placement)
+        )
     return dataclasses.replace(lens, elements=elements, model=LensModel.EXACT, specification=None)
 
 
@@ -74,6 +81,19 @@ def ghost_stack(lens: LensStack, pair: tuple[int, int], last: int, wavelengths: 
     order = [*range(first), *range(first, second, -1), *range(second, last + 1)]
     name = f"{lens.name}, reflected at {first} and {second}"
     return dataclasses.replace(lens, elements=stack, iris=order.index(lens.iris_index), name=name)
+
+
+def pair_records(stacks: Sequence[LensStack], wavelength: float | Floats, *, reverse: bool) -> tuple[LensRecord, ...]:
+    """Compiled stacks of pairs, all of one type, since kernels are compiled once: with a tilted sensor among the
+    surfaces, stacks without it have placements, too, of elements that have none.
+    """
+    records = [radiometric_lens_record(stack, wavelength, reverse=reverse) for stack in stacks]
+    if any(record.frames is not None for record in records):
+        records = [
+            record._replace(frames=np.zeros((len(record.rows), FRAME))) if record.frames is None else record
+            for record in records
+        ]
+    return tuple(records)
 
 
 def pairs_of(lens: LensStack) -> list[tuple[int, int]]:

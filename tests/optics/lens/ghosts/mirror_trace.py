@@ -70,8 +70,8 @@ def chance(lens, p, d, random, *, sensor=None, most=2, probability=0.25, wavelen
     """Rays from behind the lens that reflect at surfaces by chance: directions and points where they leave towards the
     scene, their light over its probability, 0 without, and the number of their reflections.
 
-    `sensor` is (z, reflectance): paths that return to it go on by that weight. Paths of more than `most` reflections
-    are given up.
+    `sensor` is (z on the axis, reflectance, unit normal): paths that return to it go on by that weight. Paths of more
+    than `most` reflections are given up.
     """
     n, count, index = len(lens.elements), len(p), lens.indices(wavelength)
     p, d, light, turns = np.array(p), np.array(d), np.ones(count), np.zeros(count, dtype=int)
@@ -89,9 +89,11 @@ def chance(lens, p, d, random, *, sensor=None, most=2, probability=0.25, wavelen
                     if sensor is None:
                         active[rays], light[rays] = False, 0.0
                         continue
-                    t = (sensor[0] - p[rays, 2]) / d[rays, 2]
+                    z, _, normal = sensor
+                    with np.errstate(divide="ignore", invalid="ignore"):
+                        t = ((np.array([0.0, 0.0, z]) - p[rays]) @ normal) / (d[rays] @ normal)
                     p[rays] += t[:, None] * d[rays]
-                    d[rays, 2] *= -1.0
+                    d[rays] -= 2.0 * (d[rays] @ normal)[:, None] * normal
                     light[rays] *= sensor[1]
                     way[rays], turns[rays] = -1, turns[rays] + 1
                 else:

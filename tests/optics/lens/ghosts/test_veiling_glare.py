@@ -20,7 +20,7 @@ def by_chance(lens, patch, *, sensor=None, most=2, n=400_000, seed=5):
     across = random.uniform(-side, side, (n, 2))
     direction = np.column_stack([across, -np.sqrt(1.0 - np.square(across).sum(axis=1))])
     origin = np.tile([0.0, 0.0, z], (n, 1))
-    mirror = None if sensor is None else (z, sensor)
+    mirror = None if sensor is None else (z, sensor, np.array([0.0, 0.0, 1.0]))
     _, d, light, turns = mirror_trace.chance(lens, origin, direction, random, sensor=mirror, most=most)
     black = np.where(-d[:, 2] >= math.cos(patch), 0.0, light)
     index = black.sum() / light.sum()
