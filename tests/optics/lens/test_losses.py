@@ -137,6 +137,20 @@ LENSES = {
     "fisheye": pl.optics.coated(pl.load_lens("fisheye-100mm-f8"), METALLIC),
     "odd": odd_lens(),
     "mirror": mirror_lens(),
+    "mirror behind glass": pl.LensStack(
+        [
+            pl.CircularStop(20.0, thickness=5.0),
+            pl.Surface(
+                -80.0,
+                10.0,
+                pl.optics.AbsorbingGlass(CROWN, [500.0, 700.0], [0.5, 0.6]),
+                semi_diameter=25.0,
+                coating=pl.optics.Coating(),
+            ),
+            pl.Surface(-120.0, 10.0, pl.optics.MIRROR, semi_diameter=25.0, coating=pl.optics.Reflectance(0.1)),
+            pl.Surface(80.0, semi_diameter=25.0),
+        ]
+    ),
 }
 
 

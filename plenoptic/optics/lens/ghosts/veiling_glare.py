@@ -92,6 +92,10 @@ def veiling_glare(  # noqa: PLR0913
     """
     check_kind(lens, "lens", LensStack, "camera.lens")
     setting, radius = ghost_setting(lens, (field, z_object, z_image, wavelength), sensor), positive(patch, "patch")
+    if math.isinf(setting.z_object) and radius >= math.pi / 2:
+        raise InvalidValueError(
+            f"patch is {radius:g} rad; for an object at infinity it must be below pi/2: give radians"
+        )
     plane, nm = setting.z_image, (setting.wavelength,)
     exact, last = reflecting_lens(lens), len(lens.elements) - 1
     lens_and_sensor = reflecting_lens(lens, None if setting.sensor is None else (plane, setting.sensor))

@@ -98,3 +98,5 @@ def test_bad_input_is_answered_by_a_sentence():
         pl.aberrations.veiling_glare(TRIPLET, 0.0)
     with pytest.raises(pl.errors.InvalidValueError, match=r"no chief ray of \(0, 1\.2\) rad arrives"):
         pl.aberrations.veiling_glare(TRIPLET, 0.02, field=(0.0, 1.2))
+    with pytest.raises(pl.errors.InvalidValueError, match="patch is 2 rad; for an object at infinity it must be below"):
+        pl.aberrations.veiling_glare(TRIPLET, 2.0)
