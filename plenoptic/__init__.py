@@ -21,5 +21,7 @@ def __getattr__(name: str) -> object:
             raise
         from difflib import get_close_matches
 
-        similar = ", ".join(get_close_matches(name, __all__)) or "dir(plenoptic)"
+        rooms = ("lights", "materials", "optics", "rendering", "sensor", "scene", "images", "lightfield", "aberrations")
+        there = [f"plenoptic.{room}.{name}" for room in rooms if name in dir(_load(room))]
+        similar = ", ".join(there or get_close_matches(name, __all__)) or "dir(plenoptic)"
         raise AttributeError(f"plenoptic has no {name}; see {similar}", name=name) from None

@@ -12,7 +12,7 @@ from plenoptic.core.numba.jit import Specialized
 HELPERS = ("benchmarks", "calibration", "camera", "core", "core/engines", "export", "fuzz", "golden", "hostile")
 HELPERS += ("validation",)
 HELPERS += ("optics/lens/analysis", "optics/lens/ghosts", "optics/lens/waves", "optics/surfaces", "viewer")
-HELPERS += ("rendering", "rendering/integrator", "rendering/schedule")
+HELPERS += ("rendering", "rendering/ghosts", "rendering/integrator", "rendering/schedule")
 """Folders with modules that tests import."""
 
 sys.path += [str(Path(__file__).parent / folder) for folder in HELPERS]

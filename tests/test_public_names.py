@@ -55,7 +55,13 @@ for space, name in {pairs}:
 
 
 def test_wrong_names_are_answered_by_similar_ones():
-    for name, similar in (("Lens", "LensStack"), ("rendr", "render"), ("Xyzzy", r"dir\(plenoptic\)")):
+    answers = {
+        "Lens": "LensStack",
+        "rendr": "render",
+        "SpotLight": r"plenoptic\.lights\.",
+        "Xyzzy": r"dir\(plenoptic\)",
+    }
+    for name, similar in answers.items():
         with pytest.raises(AttributeError, match=f"plenoptic has no {name}; see .*{similar}"):
             getattr(pl, name)
 

@@ -13,6 +13,7 @@ from plenoptic.camera.sampling.kernels import camera_samples, diffraction_deflec
 from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT, X, Y
 from plenoptic.core.values import Floats
+from plenoptic.optics.coatings.kernels.transmission_fit import fill_fitted_transmission
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.kernels import to_lens
@@ -68,7 +69,7 @@ class CameraRays:
         self._trace_lens = fill_through_lens.specialize()
         self.core = np.empty(blocks * RAY) if illuminated.has_core else None
         """Aimed rays through the unvignetted core, the control variate; None without one. They are traced
-        through lenses with losses only, to know these."""
+        through lenses with losses only, where these have no `TransmissionFit`."""
         self.lenslets = camera.lenslet_parameters(blocks * BLOCK)
         """Lenslet parameters of each ray; None if all microlenses are alike."""
         self.waves: NDArray[np.int64] | None = None
@@ -95,9 +96,9 @@ class CameraRays:
             camera_samples.fill_waves(self.waves, start, n, self._batch, number, colour.cdf, self._guide)
         if self._pairs is not None and self._camera.ghosts is not None:
             # Numbers that are independent of those of wavelengths.
-            apart, ghosts = self._batch._replace(seed=~self._batch.seed), self._camera.ghosts
+            batch, ghosts = self._batch._replace(seed=~self._batch.seed), self._camera.ghosts
             pairs = self._pairs[: bundle.size // (RAY // BLOCK)]
-            camera_samples.fill_waves(pairs, start, n, apart, self._illuminated.number, ghosts.cumulative, ghosts.guide)
+            camera_samples.fill_waves(pairs, start, n, batch, self._illuminated.number, ghosts.cumulative, ghosts.guide)
         n_distant = self._fill_samples(
             bundle, core, self.lenslets, self._deflected, start, n, self._batch, self._illuminated
         )
@@ -124,6 +125,8 @@ class CameraRays:
                 to_lens.fill_weights(core, sensor.plane)
             else:
                 fill_through_array(core, None, self._camera)
+                if self._camera.core_transmission is not None:
+                    fill_fitted_transmission(core, self._camera.core_transmission)
 
     def fill_iris_deflections(self, bundle: Floats, start: int, n: int) -> None:
         """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
@@ -142,7 +145,7 @@ class CameraRays:
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         self._scale_radiance(bundle)
         if self.core is not None:
-            if self.lens.losses is not None:
+            if self.lens.losses is not None and self._camera.core_transmission is None:
                 self._trace_lens(self.core[: bundle.size], self.lens, self.waves)
             self._scale_radiance(self.core[: bundle.size])
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)

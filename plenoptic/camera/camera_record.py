@@ -19,6 +19,7 @@ from plenoptic.optics.element_record import IDEAL
 from plenoptic.optics.lens.gaussian.paraxial import outer_indices
 from plenoptic.optics.lens.lens_record import LensRecord, radiometric_lens_record
 from plenoptic.optics.lens.stack import LensStack
+from plenoptic.optics.lens.transmission_fit import TransmissionFit, transmission_fit
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import (
     MICROLENS,
@@ -133,6 +134,8 @@ class CameraRecord(NamedTuple):
     radiance_scale: Floats | None
     """(1,) or (W,): radiance behind the lens over that in front, (n' / n)^2, at the camera's wavelength or at those
     drawn by paths. None for one medium on both sides."""
+    core_transmission: TransmissionFit | None = None
+    """Transmission of rays through the unvignetted core of pixels; None: without losses, or such rays are traced."""
     ghosts: GhostRecord | None = None
     """Paths through which rays are traced in place of the lens, to images of its ghosts; None: through the lens."""
 
@@ -203,6 +206,14 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
         iris=iris_record(camera, path_wavelengths),
         radiance_scale=radiance_scale(lens, (camera.wavelength,) if colour is None else path_wavelengths[1:]),
     )
+
+
+def core_transmission(record: CameraRecord) -> TransmissionFit | None:
+    """Transmission of rays from the array, or the sensor without one, through the outlines of the exit pupil."""
+    pupil, parts = record.pupil, record.parts
+    z_start = parts.z_plane + (parts.distance if record.array is None else 0.0)
+    start = z_start, len(pupil.support) * pupil.step
+    return transmission_fit(record.lens, start, (pupil.z, float(pupil.reach.max())))
 
 
 def radiance_scale(lens: LensStack, wavelengths: tuple[float, ...]) -> Floats | None:

@@ -15,10 +15,12 @@ from plenoptic.camera.camera_record import radiance_scale
 from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.motions.pose import Pose
+from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import Floats, value
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.ghosts.ghost_rays import covering_rays, points_on
+from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
 from plenoptic.optics.lens.lens_record import radiometric_lens_record
 from plenoptic.optics.lens.loss_record import table_cosines
@@ -89,8 +91,9 @@ def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
     )
 
 
-def ghost_lens(camera: PlenopticCamera, sensor: float | None, array: float | None) -> GhostLens:
-    """The lens of a camera with the reflectance of its sensor, or of the flat face of its microlens array."""
+def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
+    """The lens of a camera with the reflectance of its sensor, or of a plane at the first vertex of its microlenses."""
+    sensor, array = ghosts.sensor, ghosts.array
     if sensor is not None and camera.microlenses is not None:
         raise InvalidValueError(
             "ghosts have a reflectance of the sensor, and light is not traced back through microlenses; give that of "
@@ -100,9 +103,10 @@ def ghost_lens(camera: PlenopticCamera, sensor: float | None, array: float | Non
         raise InvalidValueError(
             "ghosts have a reflectance of the array, and the camera has no microlenses: leave it out"
         )
-    reflectance = sensor if camera.microlenses is None else array
-    plane = None if reflectance is None else (camera.stop_to_microlenses, reflectance)
-    return GhostLens(camera.lens, plane)
+    z, reflectance, microlenses = camera.stop_to_microlenses, sensor, camera.microlenses
+    if microlenses is not None:
+        z, reflectance = z - microlenses.model.refraction.depths(microlenses).front, array
+    return GhostLens(camera.lens, None if reflectance is None else (z, reflectance))
 
 
 def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:
@@ -170,18 +174,24 @@ def _is_special(camera: PlenopticCamera) -> bool:
 
 def _pilot(stack: LensStack, camera: PlenopticCamera) -> tuple[float, float, float]:
     """Light of a uniform scene at some image points along a stack, and slope and scale of its disc; see `GhostAims`."""
-    uniform, z_last, light, points, offsets = sobol_points(_PILOT_RAYS)[:, :2], float(stack.vertices[-1]), 0.0, [], []
-    for height in _PILOT_HEIGHTS:
-        offset = height * camera.sensor.half_diagonal / math.sqrt(2.0)
-        point = np.array([offset, offset, z_last + camera.stop_to_microlenses])
-        rays = covering_rays(stack.elements[-1], z_last, point, uniform, camera.wavelength)
-        weight = stack.trace_reverse(rays).weight
-        light += float(weight.sum())
-        points.append(rays.at_z(z_last)[weight > 0, :2])
-        offsets.append(np.full(len(points[-1]), offset))
-    at, offset_of = np.concatenate(points), np.concatenate(offsets)
+    uniform, z_last = sobol_points(_PILOT_RAYS)[:, :2], float(stack.vertices[-1])
+    offsets = np.array(_PILOT_HEIGHTS) * camera.sensor.half_diagonal / math.sqrt(2.0)
+    beams = [
+        covering_rays(
+            stack.elements[-1],
+            z_last,
+            np.array([offset, offset, z_last + camera.stop_to_microlenses]),
+            uniform,
+            camera.wavelength,
+        )
+        for offset in offsets
+    ]
+    origin, direction = (np.concatenate([getattr(b, name) for b in beams]) for name in ("origin", "direction"))
+    rays = RayBundle(origin, direction, camera.wavelength)
+    weight = stack.trace_reverse(rays).weight
+    at, offset_of = rays.at_z(z_last)[weight > 0, :2], np.repeat(offsets, _PILOT_RAYS)[weight > 0]
     if not len(at):
         return 0.0, 0.0, 1.0
     slope = float(offset_of @ at.mean(axis=1) / (offset_of @ offset_of))
     reach = np.hypot(*(at - slope * offset_of[:, None]).T).max()
-    return light, slope, min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)
+    return float(weight.sum()), slope, min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)

@@ -293,7 +293,8 @@ def _virtual_depths(bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def _range(bounds: tuple[float, float], name: str) -> tuple[float, float]:
-    low, high = numbers(bounds, name).tolist() if np.shape(bounds) == (2,) else (0.0, 0.0)
+    ends = numbers(bounds, name)
+    low, high = ends.tolist() if ends.shape == (2,) else (0.0, 0.0)
     if not -math.inf < low < high < math.inf:
         raise InvalidValueError(f"{name} is {bounds!r}; give two numbers, the smaller one first")
     return low, high

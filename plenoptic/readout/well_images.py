@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from plenoptic.camera.camera import PlenopticCamera
-from plenoptic.core.values import Floats, result
+from plenoptic.core.values import Floats, check_kind, result
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.sensor.dual_pixels import DualPixels
+from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.rendering.exposure import Exposure
 
 
@@ -52,20 +53,11 @@ class WellImages:
 
 def _as_wells(camera: PlenopticCamera, images: Sequence[np.ndarray]) -> Floats:
     stack = np.stack(images).astype(np.float64)
-    return stack.reshape(*_pixels(camera).split, *stack.shape[1:])
-
-
-def _pixels(camera: PlenopticCamera) -> DualPixels:
-    pixels = camera.sensor.angular_response
-    if not isinstance(pixels, DualPixels):
-        raise InvalidValueError(
-            "the camera's sensor has no dual pixels; make it with pl.sensor.dual_pixel(pitch, shape)"
-        )
-    return pixels
+    return stack.reshape(*wells_of(camera.sensor).split, *stack.shape[1:])
 
 
 def _reading(camera: PlenopticCamera, well: tuple[int, int] | None) -> PlenopticCamera:
-    pixels = dataclasses.replace(_pixels(camera), well=well)
+    pixels = dataclasses.replace(wells_of(camera.sensor), well=well)
     return dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=pixels))
 
 
@@ -82,7 +74,8 @@ def well_cameras(camera: PlenopticCamera) -> tuple[PlenopticCamera, ...]:
     >>> [each.sensor.angular_response.well for each in pl.sensor.well_cameras(camera)]
     [(0, 0), (0, 1), (1, 0), (1, 1)]
     """
-    rows, columns = _pixels(camera).split
+    check_kind(camera, "camera", PlenopticCamera, "pl.PlenopticCamera(lens, pl.sensor.dual_pixel(pitch, shape), 50.0)")
+    rows, columns = wells_of(camera.sensor).split
     return tuple(_reading(camera, (row, column)) for row in range(rows) for column in range(columns))
 
 
@@ -111,7 +104,9 @@ def read_wells(exposures: Sequence[Exposure]) -> WellImages:
     >>> images.left.shape, images.wells.shape
     ((8, 12, 1), (1, 2, 8, 12, 1))
     """
-    shots = tuple(exposures)
+    shots = tuple(exposures) if isinstance(exposures, list | tuple) else (exposures,)
+    for shot in shots:
+        check_kind(shot, "an item of exposures", Exposure, "pl.render(scene, camera)")
     cameras = tuple(shot.camera for shot in shots)
     if not shots or cameras[0] is None or cameras != well_cameras(cameras[0]):
         raise InvalidValueError(
@@ -121,23 +116,26 @@ def read_wells(exposures: Sequence[Exposure]) -> WellImages:
     if len({(shot.image.shape, shot.region) for shot in shots}) > 1:
         raise InvalidValueError("exposures of wells differ in shape or region; render all of one region")
     camera = _reading(cameras[0], None)
-    shares = _pixels(camera).crosstalk
-    images = _after_crosstalk(_as_wells(camera, [shot.image for shot in shots]), shares)
+    shares = wells_of(camera.sensor).crosstalk
+    images = after_crosstalk(_as_wells(camera, [shot.image for shot in shots]), shares)
     errors = [
         np.full(shot.image.shape, np.nan) if shot.standard_error is None else shot.standard_error for shot in shots
     ]
-    after = np.sqrt(_after_crosstalk(_as_wells(camera, errors) ** 2, shares**2))
+    after = np.sqrt(after_crosstalk(_as_wells(camera, errors) ** 2, shares**2))
     parts = zip(shots, images, (None if np.isnan(error).any() else error for error in after), strict=True)
     return WellImages(camera, tuple(dataclasses.replace(s, image=i, standard_error=e) for s, i, e in parts))
 
 
-def _after_crosstalk(wells: Floats, shares: Floats) -> Floats:
-    """Light (rows columns, H, W, C) of wells (rows, columns, H, W, C) after each has given `shares` to those around."""
+def after_crosstalk(wells: Floats, shares: Floats, beyond: Literal["edge", "wrap"] = "edge") -> Floats:
+    """Light (rows columns, H, W, C) of wells (rows, columns, H, W, C) after each has given `shares` to those around.
+
+    Beyond the border, the last pixels ("edge") or the whole image ("wrap") are continued.
+    """
     rows, columns, height, width, channels = wells.shape
     if shares[1, 1] == 1.0:
         return wells.reshape(-1, height, width, channels)
-    beyond = np.pad(wells, ((0, 0), (0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
-    lattice = beyond.transpose(2, 0, 3, 1, 4).reshape((height + 2) * rows, (width + 2) * columns, channels)
+    padded = np.pad(wells, ((0, 0), (0, 0), (1, 1), (1, 1), (0, 0)), mode=beyond)
+    lattice = padded.transpose(2, 0, 3, 1, 4).reshape((height + 2) * rows, (width + 2) * columns, channels)
     after = np.zeros((height * rows, width * columns, channels))
     for down, right in np.ndindex(3, 3):
         row, column = rows + 1 - down, columns + 1 - right

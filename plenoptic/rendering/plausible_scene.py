@@ -22,7 +22,7 @@ _LARGEST = 20.0
 
 def warn_if_scene_implausible(scene: Scene, camera: PlenopticCamera) -> None:
     """Issue one warning that names everything that is hardly meant; none for other scenes."""
-    if values := "; ".join([*_scale(scene, camera), *_glass(scene), *_sheets(scene)]):
+    if values := "; ".join([*_scale(scene, camera), *_glass(scene, camera), *_sheets(scene)]):
         warn(f"this scene is hardly what was meant: {values}", ImplausibleSceneWarning)
 
 
@@ -36,13 +36,15 @@ def _scale(scene: Scene, camera: PlenopticCamera) -> Iterator[str]:
         )
 
 
-def _glass(scene: Scene) -> Iterator[str]:
+def _glass(scene: Scene, camera: PlenopticCamera) -> Iterator[str]:
     meshes = [part.mesh if isinstance(part, Instances) else part for part in scene.meshes]
     glass = [k for k, mesh in enumerate(meshes) if isinstance(mesh.material, Dielectric)]
     if any(scene.medium is not None or meshes[k].material.row().fills for k in glass):
         from plenoptic.scene.body_nesting import wrong_bodies
 
-        yield from wrong_bodies(scene)
+        shutter, rows = camera.shutter, camera.sensor.shape[0]
+        half = 0.0 if shutter is None else 0.5 * (shutter.duration + abs(shutter.row_time) * (rows - 1))
+        yield from wrong_bodies(scene, (-half, half) if half else (0.0,))
     for k in glass:
         if not meshes[k].is_inside_out:
             continue

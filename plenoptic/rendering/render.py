@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera, warn_if_implausible
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.plan.stages import Subject
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.schedule.run import RenderOptions, run
-from plenoptic.rendering.settings import Caustics, Ghosts, RenderSettings, Sampler
+from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:

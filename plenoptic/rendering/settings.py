@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 
 from plenoptic.core.values import checked_field, choice, positive, value, whole
-from plenoptic.optics.coatings.surface_powers import checked_reflectance
+from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts as Ghosts
 
 
 class Sampler(enum.IntEnum):
@@ -32,47 +32,6 @@ class Caustics(enum.IntEnum):
 
     INCLUDE = 0
     EXCLUDE = 1
-
-
-@value
-class Ghosts:
-    """Ghosts in an image: light that two surfaces of the lens reflect. See `render`.
-
-    Paths start on the pixels, pass the rear of the lens, and follow a pair of surfaces that is drawn by its share of
-    the light. Each surface reflects and transmits unpolarised light; one without coating is bare. The image itself
-    loses light only if the lens has coatings, see `coated`. Ground edges, the barrel and particles throw no ghosts.
-
-    Parameters
-    ----------
-    orders : int, optional
-        Number of reflections: 2. Four reflections bring a few percent of the light of two.
-    sensor : float, optional
-        Reflectance of the sensor of a camera without microlenses, such as `sensor.silicon_reflectance`; None: none.
-    array : float, optional
-        Reflectance of the face of a microlens array towards the lens, as a plane at its front principal plane: right
-        for flat faces, while curved ones spread the light; None: none.
-    samples : int, optional
-        Paths of ghosts for each pixel; None: a quarter of those of the image.
-
-    Raises
-    ------
-    InvalidValueError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> import numpy as np, plenoptic as pl
-    >>> camera = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(32, 32))
-    >>> scene, options = pl.shapes.white_plane(), {"samples": 16, "progress": False}
-    >>> image, both = (pl.render(scene, camera, ghosts=g, **options).image for g in (None, pl.rendering.Ghosts()))
-    >>> bool(0.01 < both.mean() / image.mean() - 1.0 < 0.1)
-    True
-    """
-
-    orders: int = checked_field(whole, default=2, at_least=2, at_most=2)
-    sensor: float | None = checked_field(checked_reflectance, default=None)
-    array: float | None = checked_field(checked_reflectance, default=None)
-    samples: int | None = checked_field(whole, default=None, at_least=1)
 
 
 @value

@@ -2,34 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
 from plenoptic.scene.cache import PreparedScene, prepared_scene
+from plenoptic.scene.geometry.instance import Instances
 from plenoptic.scene.geometry.kernels.interaction import fill_distances
 from plenoptic.scene.geometry.mesh import Mesh
 from plenoptic.scene.materials.alpha_mask import NESTED, no_hits
 from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.scene import Scene
+from plenoptic.scene.scene_record import build_record
 
 _RAYS, _FEWEST, _STEPS = 64, 3, 32
 """Rays through a group of bodies, and those that must go wrong, as single ones may by rounding; hits of a ray."""
 _MOST_BODIES, _MOST_GROUPS, _MOST_NAMED = 1024, 256, 8
 """Bodies that are compared, bodies and pairs that rays are sent to, and those of them that may be named."""
+_MOST_TRIANGLES = 1 << 16
+"""Triangles of the copies of a mesh."""
 _BEYOND = 2.0**-18
 """Step of a ray to behind a surface, as a fraction of its coordinates: a few times the rounding of float32."""
 
 
-def wrong_bodies(scene: Scene) -> Iterator[str]:
-    """Sentences on bodies with media that lie neither apart nor one within the other; `Instances` are left out."""
-    plain = [(k, mesh) for k, mesh in enumerate(scene.meshes) if isinstance(mesh, Mesh)]
+def wrong_bodies(scene: Scene, times: Iterable[float] = (0.0,)) -> Iterator[str]:
+    """Sentences on bodies with media that lie neither apart nor one within the other at any of some times.
+
+    Instances count as their copies, up to 65536 triangles of each; one sentence is about one time.
+    """
+    for time in (
+        times if any(isinstance(part, Instances) and part.motion is not None for part in scene.meshes) else (0.0,)
+    ):
+        if sentences := list(_wrong_bodies(scene, time)):
+            yield from sentences
+            return
+
+
+def _copies(scene: Scene, time: float) -> list[tuple[Mesh | Instances, str]]:
+    """Meshes of a scene and their names; copies in place of instances that are bodies, or move."""
+    parts: list[tuple[Mesh | Instances, str]] = []
+    for part, name in zip(scene.meshes, scene.object_names, strict=False):
+        if isinstance(part, Mesh) or (part.motion is None and not isinstance(part.mesh.material, Dielectric)):
+            parts.append((part, name))
+            continue
+        pose = np.eye(4)
+        if part.motion is not None:
+            pose[:3] = part.motion.matrices([time])[0]
+        placed = dataclasses.replace(part, matrices=pose @ part.matrices, motion=None)
+        if len(part) * len(part.mesh.faces) > _MOST_TRIANGLES:
+            parts.append((placed, name))  # rays end there
+        else:
+            names = [f"copy {k} of {name}" for k in range(len(part))] if len(part) > 1 else [name]
+            parts += zip(placed.meshes(), names, strict=True)
+    return parts
+
+
+def _wrong_bodies(scene: Scene, time: float) -> Iterator[str]:
+    parts = _copies(scene, time)
+    plain = [(k, mesh) for k, (mesh, _) in enumerate(parts) if isinstance(mesh, Mesh)]
     bodies = [(k, mesh) for k, mesh in plain if isinstance(mesh.material, Dielectric)][:_MOST_BODIES]
     filled = np.array([scene.medium is not None or mesh.material.row().fills for _, mesh in bodies], dtype=bool)
-    if not filled.any() or (prepared := prepared_scene(scene)).record.motions is not None:
+    if not filled.any():
         return
+    meshes = tuple(mesh for mesh, _ in parts)
+    if meshes == scene.meshes:
+        prepared = prepared_scene(scene)
+    else:
+        prepared = PreparedScene(build_record(meshes, scene.lights, scene.background, medium=scene.medium)[0])
     glass, boxes = [k for k, _ in bodies], np.array([mesh.bounds for _, mesh in bodies])
     low, high = boxes[:, 0], boxes[:, 1]
     near = _below(low, high + _BEYOND * np.abs(boxes).max())
@@ -49,7 +91,7 @@ def wrong_bodies(scene: Scene) -> Iterator[str]:
     wrong = [groups[k] for k in suspects[:_MOST_NAMED] if (probe.rays(groups[k]) < 0).sum() >= _FEWEST]
     in_pairs = {k for group in wrong if len(group) > 1 for k in group}
     if wrong := [group for group in wrong if len(group) > 1 or group[0] not in in_pairs]:
-        names = [scene.object_names[k] for k in glass]
+        names = [parts[k][1] for k in glass]
         listed = "; ".join(" and ".join(names[k] for k in group) for group in wrong)
         yield (
             f"media of bodies that are open, touch or cross weaken light wrongly: {listed}; close each surface, leave "

@@ -21,6 +21,7 @@ from plenoptic.scene.lights.build_lights import Emitters, environment_record, li
 from plenoptic.scene.lights.environment import Background, ConstantBackground, EnvironmentMap
 from plenoptic.scene.lights.light_records import Lights, Sky
 from plenoptic.scene.lights.registry import AreaLight, Light, PositionalLight
+from plenoptic.scene.lights.sheet import Sheet
 from plenoptic.scene.materials.build_materials import alpha_record, bsdf_record, color_rows, media_records
 from plenoptic.scene.materials.material_records import EXTRA_SHARES, Alpha, Bsdf, Emission, MaterialRow, Media
 from plenoptic.scene.materials.medium import Medium
@@ -148,7 +149,7 @@ def build_record(
     if geometry is not None and instances is not None:
         geometry = add_instances(geometry, instances)
     bsdf = bsdf_record(surfaces.materials, channels)
-    absorption, media = media_records(rows, medium, channels)
+    absorption, media = media_records(rows, _lit_bodies(surfaces.materials, meshes, lights), medium, channels)
     radiance = color_rows([mean_colour(row.emission) for row in rows], channels)
     two_sided = np.array([row.two_sided for row in rows], dtype=np.uint8)
     emitters = None
@@ -182,6 +183,25 @@ def build_record(
         lights=emitter_record,
     )
     return record, surfaces
+
+
+def _lit_bodies(
+    materials: Sequence[Material], meshes: Sequence[Mesh | Instances], lights: Sequence[Light]
+) -> list[bool]:
+    """Which materials that scatter have a body whose box, or the box of all its places, meets that of a light."""
+    scattering = {material for material in materials if np.any(material.row().scattering)}
+    if not scattering:
+        return [False] * len(materials)
+    shining = [mesh for mesh in meshes if np.any(mean_colour(_mesh_of(mesh).material.row().emission))]
+    boxes = [mesh.bounds for mesh in (*shining, *(light.mesh() for light in lights if isinstance(light, AreaLight)))]
+    boxes += [np.stack([light.position] * 2) for light in lights if isinstance(light, PositionalLight)]
+    moves = any(isinstance(mesh, Instances) and mesh.motion is not None for mesh in meshes)
+    always, lit = moves or any(isinstance(light, Sheet) for light in lights), set()
+    for mesh in meshes:
+        low, high = mesh.bounds
+        if always or any(np.all(box[0] <= high) and np.all(box[1] >= low) for box in boxes):
+            lit.add(_mesh_of(mesh).material)
+    return [material in lit & scattering for material in materials]
 
 
 def brightest_radiance(record: SceneRecord) -> float:

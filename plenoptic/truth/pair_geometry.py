@@ -11,13 +11,17 @@ from numpy.typing import ArrayLike
 
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.camera_rays import CameraRays
-from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.camera_record import camera_record, response_record
 from plenoptic.camera.gaussian import image_plane, object_plane
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.core.values import Floats, numbers, result
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.core.values import Floats, broadcast, check_kind, finite, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
+from plenoptic.optics.microlens.kernels.to_lens import fill_well_response
+from plenoptic.optics.microlens.microlens_record import SensorPlane, WellsRecord
+from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 
 _NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
@@ -37,7 +41,7 @@ class CentralRays(NamedTuple):
     by_z: Floats
     """(n, 2) slopes."""
     weights: Floats
-    """(2, n) of both halves, which add up to 1 each."""
+    """(2, n) light of both halves before crosstalk, which adds up to 1."""
 
 
 @result
@@ -50,8 +54,8 @@ class PairGeometry:
     ----------
     camera : PlenopticCamera
     coefficients : (5, 7, 7) array
-        Legendre polynomials over the field by orders along rows and columns: share of the left half, difference of the
-        halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
+        Legendre polynomials over the field by orders along rows and columns, before crosstalk: share of the left half,
+        difference of the halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
     pupil : CentralRays
     """
 
@@ -65,16 +69,20 @@ class PairGeometry:
         The column of a point in the left image minus that in the right one: positive for points nearer than the plane
         in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
         depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
-        is linear in c. Crosstalk between wells comes on top: a scalar c takes c of the disparity.
+        is linear in c. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the disparity
+        and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
-        inverse_z = -1.0 / numbers(depth, "depth")
+        depths, _ = broadcast(depth=depth, region=a)
+        if (depths <= 0).any():
+            raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+        inverse_z = -1.0 / depths
         return np.asarray(-(a * inverse_z + b) / (c * inverse_z + d))
 
     def depth(self, disparity: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Depths (H, W) in mm of pixels with signed disparities, one or (H, W); nan beyond that of infinity."""
         _, a, b, c, d = self._features(region)
-        pixels = numbers(disparity, "disparity")
+        pixels, _ = broadcast(disparity=disparity, region=a)
         with np.errstate(divide="ignore"):
             depth = (a + pixels * c) / (b + pixels * d)
         return np.where(depth > 0, depth, np.nan)
@@ -93,24 +101,38 @@ class PairGeometry:
 
     def blur(self, disparity: float) -> Floats:
         """Columns and rows (n, 2) by which the `pupil` rays displace images of points of a disparity, at the centre."""
+        pixels = finite(disparity, "disparity")
         _, a, b, c, d = (float(value) for value in self._values(np.zeros(1), np.zeros(1))[:, 0, 0])
-        inverse_z = -(b + disparity * d) / (a + disparity * c)
+        inverse_z = -(b + pixels * d) / (a + pixels * c)
         return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
 
     def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
         """(5, H, W) share, differences of the halves' centroids, and derivatives of their middle by columns."""
         rows, columns = self.camera.sensor.shape
-        top, bottom, left, right = region or (0, rows, 0, columns)
+        ends = np.array([0, rows, 0, columns]) if region is None else numbers(region, "region")
+        top, bottom, left, right = ends if ends.shape == (4,) else np.zeros(4)
+        if not (0 <= top < bottom <= rows and 0 <= left < right <= columns and (ends == np.round(ends)).all()):
+            raise InvalidValueError(
+                f"region is {region!r:.60}; give the first and end row, and the first and end column, of a part of "
+                f"{rows} x {columns} pixels"
+            )
         v, u = (2.0 * np.arange(top, bottom) + 1.0) / rows - 1.0, (2.0 * np.arange(left, right) + 1.0) / columns - 1.0
         return self._values(v, u)
 
     def _values(self, v: Floats, u: Floats) -> Floats:
-        """Features (5, n, m) at places along columns and rows in half sides from the sensor's centre."""
+        """Features (5, n, m), after crosstalk, at places along columns and rows in half sides from the centre."""
         by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
         by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
-        values = by_row.T @ self.coefficients[:3] @ by_column
+        share, *differences = by_row.T @ self.coefficients[:3] @ by_column
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
-        return np.concatenate([values, slopes])
+        # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
+        # that of the next pixel, a column away.
+        to_left, retention, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
+        crosstalk = to_left + to_right
+        left, right = retention * share + crosstalk * (1.0 - share), retention * (1.0 - share) + crosstalk * share
+        factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
+        columns = to_right * (1.0 - share) / left + to_left * share / right
+        return np.stack([left, *(factor * differences - columns * slopes), *slopes])
 
 
 def _powers(at: Floats) -> Floats:
@@ -144,16 +166,17 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     >>> [round(float(geometry.disparity(depth)[20, 30])) for depth in (1500.0, 2000.0, 3000.0)]
     [16, 0, -16]
     """
-    pixels = camera.sensor.angular_response if isinstance(camera, PlenopticCamera) else None
-    if not isinstance(pixels, DualPixels):
-        raise InvalidValueError("the camera's sensor has no dual pixels; make it with pl.sensor.dual_pixel(...)")
+    check_kind(
+        camera, "camera", PlenopticCamera, "pl.PlenopticCamera(lens, pl.sensor.dual_pixel(pitch, shape), distance)"
+    )
+    pixels = wells_of(camera.sensor)
     if camera.microlenses is not None or camera.lens.model is LensModel.NONE:
         raise InvalidValueError("pairs need a lens, and no microlens array: its microlenses are those on the pixels")
     plain = dataclasses.replace(camera.sensor, angular_response=None)
     plain_camera = dataclasses.replace(camera, pose=None, sensitivity=None, diffraction=None, sensor=plain)
     v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
     nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
-    features, pupil = _trace(plain_camera, dataclasses.replace(pixels, well=None), nodes)
+    features, pupil = _trace(plain_camera, pixels, nodes)
     lit = np.isfinite(features[:, 0])
     if lit.sum() < 2 * len(_ORDERS) or pupil is None:
         raise InvalidValueError(
@@ -168,40 +191,52 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
 
 def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
     """Features (n, 5) of nodes (n, 2) in rows and columns, nan for dark ones; and the rays of the middle one."""
-    from plenoptic.core.kernels.ray_blocks import BLOCK
-
     record = camera_record(camera)
     parts, to_local = record.parts, record.parts.sensor_to_local
     local = to_local.points(np.column_stack([camera.sensor.centre_of(*nodes.T), np.zeros(len(nodes))]))
     illuminated = illuminated_pixels(record, np.ascontiguousarray(local[:, :2]), np.zeros(len(nodes), np.int64))
     camera_rays = CameraRays(record, illuminated, batch_record(np.uint64(0), 0, _SAMPLES, 1, 0, 0), _SAMPLES)
-    tilt = np.zeros(2) if parts.tilt is None else parts.tilt
+    halves = [_half_record(camera, pixels, column) for column in (0, 1)]
     features, pupil = np.full((len(nodes), 5), np.nan), None
     for k, node in enumerate(illuminated.place):
         bundle = camera_rays.sample(k * _SAMPLES, _SAMPLES)
-        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
-        starts, aims = (rays[:2] - rays[3:5]).T, rays[3:5].T
-        height = parts.distance + starts @ tilt
-        x, y, _ = to_local.inverse().points(np.column_stack([starts, height])).T
-        l, m, n = to_local.inverse().directions(np.column_stack([aims, -height])).T
-        halves = pixels.halves_at(-l / n, -m / n, x, y)
+        responses = np.stack([_responses(bundle, record.sensor.plane, half) for half in halves])
         camera_rays.fill_through_array(bundle)
         camera_rays.fill_through_lens(bundle)
-        rays = bundle.reshape(-1, 8, BLOCK).swapaxes(0, 1).reshape(8, -1)
+        rays = bundle.reshape(-1, RAY // BLOCK, BLOCK).swapaxes(0, 1).reshape(RAY // BLOCK, -1)
         arrived = rays[7] == 0
-        weights, point, direction = halves[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
+        weights, point, direction = responses[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
         if parts.lens_to_camera is not None:
             point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
         light = weights.sum(axis=1)
         if not (light > 0).all():
             continue
+        shares = light / light.sum()
         weights /= light[:, None]
         slopes = direction[:, :2] / direction[:, 2:]
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
         left, right = weights @ planes[..., 0].T
-        features[node] = [light[0] / light.sum(), *(left - right), *(0.5 * (left + right))]
+        features[node] = [shares[0], *(left - right), *(0.5 * (left + right))]
         if node == len(nodes) // 2:
             at_zero, by_z = (planes - (weights.mean(axis=0) @ planes)[:, None])[:, :_CENTRAL]
             weights = weights[:, :_CENTRAL]
-            pupil = CentralRays(at_zero, by_z, weights / weights.sum(axis=1, keepdims=True))
+            weights *= (shares / weights.sum(axis=1))[:, None]
+            pupil = CentralRays(at_zero, by_z, weights)
     return features, pupil
+
+
+def _half_record(camera: PlenopticCamera, pixels: DualPixels, column: int) -> WellsRecord:
+    """Wells of one half of the pixels, in all rows."""
+    half = dataclasses.replace(pixels, split=(1, 2), well=(0, column))
+    reading = dataclasses.replace(camera, sensor=dataclasses.replace(camera.sensor, angular_response=half))
+    record = response_record(reading, camera_record(camera).parts)
+    assert isinstance(record, WellsRecord)
+    return record._replace(rows=dataclasses.replace(pixels, well=None).intervals(0))
+
+
+def _responses(bundle: Floats, plane: SensorPlane, wells: WellsRecord) -> Floats:
+    """Responses (n,) of wells to aimed samples."""
+    samples = bundle.copy().reshape(-1, RAY // BLOCK, BLOCK)
+    samples[:, WEIGHT // BLOCK] = 1.0
+    fill_well_response(samples.reshape(-1), plane, wells)
+    return samples[:, WEIGHT // BLOCK].ravel()

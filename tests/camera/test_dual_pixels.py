@@ -110,7 +110,7 @@ def test_slope_of_a_real_lens_is_that_of_its_half_pupils():
     step, distance, sides = 0.5, camera.sensor.half_diagonal / math.tan(chief_angle(camera)), {}
     for x in (-step, 0.0, step):
         middle = x * (1.0 - (camera.z_sensor - camera.lens.vertices[-1]) / distance)  # where the chief ray passes
-        point, direction, weights, slopes = pupil_grid(camera, x, 0.0, 700, middle)
+        point, direction, weights, slopes = pupil_grid(camera, x, 0.0, 350, middle)
         chief = inside(-x / distance, 0.0)
         across = slopes[:, 0] / np.sqrt(2.25 + 1.25 * np.sum(slopes**2, axis=1))
         for half, of_half in enumerate((across < chief, across >= chief)):
@@ -122,7 +122,7 @@ def test_slope_of_a_real_lens_is_that_of_its_half_pupils():
     by_column = 0.02 * sum(sides[-step, half] - sides[step, half] for half in (0, 1)) / (4 * step)
     for depth in (250.0, 330.0, 500.0, 1000.0):
         expected = -(difference @ [1.0, -depth]) / (by_column @ [1.0, -depth])
-        # A grid of 700 points across the rear lens, some 300 across the beam: edges count to (1 / 300)^1.5 = 2e-4.
+        # A grid of 350 points across the rear lens, some 150 across the beam: edges count to (1 / 150)^1.5 = 5e-4.
         assert geometry.disparity(depth)[32, 48] == pytest.approx(expected, rel=1e-3)
 
 
@@ -130,30 +130,71 @@ def chief_angle(camera):
     return math.atan(camera.sensor.half_diagonal / camera.sensor.angular_response.pupil_distance)
 
 
+KERNEL = [[0.0, 0.02, 0.0], [0.02, 0.88, 0.04], [0.01, 0.02, 0.01]]
+"""Crosstalk to the left 0.03, to the right 0.05."""
+
+
+def with_crosstalk(geometry, crosstalk):
+    """The geometry of a pair without crosstalk, whose camera gets one: its rays are the same."""
+    pixels = dataclasses.replace(geometry.camera.sensor.angular_response, crosstalk=crosstalk)
+    sensor = dataclasses.replace(geometry.camera.sensor, angular_response=pixels)
+    return dataclasses.replace(geometry, camera=dataclasses.replace(geometry.camera, sensor=sensor))
+
+
 def test_rendered_halves_are_displaced_by_the_disparity():
     camera = camera_of(3.0, shape=(24, 64), pitch=0.05)
-    geometry, column = pl.sensor.pair_geometry(camera), np.arange(64) - 31.5
-    for depth in (304.0, 520.0):
+    plain, column = pl.sensor.pair_geometry(camera), np.arange(64) - 31.5
+    for depth in (350.0, 460.0):
         pixel = 0.05 / abs(pl.paraxial.magnification(camera.lens, -depth))
         wave = 0.5 + 0.4 * np.sin(2 * np.pi * np.arange(6400) / 16 / 20.0)  # of some 20 pixels
         texture, side = pl.Texture(np.broadcast_to(wave[None, :, None], (2, 6400, 3))), 400 * pixel
         board = pl.quad((-side / 2, -side / 2, -depth), (side, 0, 0), (0, side, 0), material=pl.Lambertian(texture))
         scene = pl.Scene([board], background=1.0)
         shots = [pl.render(scene, each, samples=64, progress=False) for each in pl.sensor.well_cameras(camera)]
-        images, fits = pl.sensor.read_wells(shots), []
-        lines = np.stack([half.mean(axis=(0, 2)) for half in (images.left, images.right)], axis=1)
-        for period in np.linspace(12.0, 28.0, 801):
-            waves = [f(2 * np.pi * column / period) for f in (np.cos, np.sin)]
-            terms = np.stack([np.ones(64), column, *waves], axis=1)
-            fit, residual, *_ = np.linalg.lstsq(terms, lines, rcond=None)
-            fits.append((float(residual.sum()), period, *(np.arctan2(fit[3], fit[2]) / (2 * np.pi))))
-        _, period, left, right = min(fits)
-        expected = geometry.disparity(depth)[12, 32]
-        # Half discs shift waves by their centroids, to second order in their width over the period.
-        width = geometry.blur(expected)[:, 0]
-        turns = np.angle(geometry.pupil.weights @ np.exp(2j * np.pi * width / period)) / (2 * np.pi)
-        assert (turns[0] - turns[1]) * period == pytest.approx(expected, rel=0.05)
-        assert (left - right - round(left - right)) == pytest.approx(turns[0] - turns[1], rel=3e-3)
+        for crosstalk in (0.0, KERNEL):
+            geometry = with_crosstalk(plain, crosstalk)
+            wells = zip(shots, pl.sensor.well_cameras(geometry.camera), strict=True)
+            images = pl.sensor.read_wells([dataclasses.replace(shot, camera=each) for shot, each in wells])
+            lines, fits = np.stack([half.mean(axis=(0, 2)) for half in (images.left, images.right)], axis=1), []
+            for period in np.linspace(12.0, 28.0, 801):
+                waves = [f(2 * np.pi * column / period) for f in (np.cos, np.sin)]
+                terms = np.stack([np.ones(64), column, *waves], axis=1)
+                fit, residual, *_ = np.linalg.lstsq(terms[1:-1], lines[1:-1], rcond=None)
+                fits.append((float(residual.sum()), period, *(np.arctan2(fit[3], fit[2]) / (2 * np.pi))))
+            _, period, left, right = min(fits)
+            expected = geometry.disparity(depth)[12, 32]
+            # Half discs shift waves by their centroids, to second order in their width over the period.
+            width = geometry.blur(expected)[:, 0]
+            light = geometry.pupil.weights @ np.exp(2j * np.pi * width / period)
+            kernel = geometry.camera.sensor.angular_response.crosstalk
+            (to_left, kept, to_right), column_away = kernel.sum(axis=0), np.exp(2j * np.pi / period)
+            crossing = [[kept, to_left + to_right * column_away], [to_right + to_left / column_away, kept]]
+            turns = np.angle(crossing @ light) / (2 * np.pi)
+            assert (turns[0] - turns[1]) * period == pytest.approx(expected, rel=0.05)
+            assert (left - right - round(left - right)) == pytest.approx(turns[0] - turns[1], rel=3e-3)
+
+
+def test_crosstalk_shortens_the_baseline():
+    # Half discs divided off their middle, with shares l and r of the light. The left image collects kept l, to_left r,
+    # and to_right r of the column before; the right one kept r, to_right l, and to_left l of the next column.
+    camera = camera_of(6.0, pl.LensModel.THIN, cra=0.03, pitch=0.1, matched=False)
+    plain = pl.sensor.pair_geometry(camera)
+    geometry = with_crosstalk(plain, KERNEL)
+    to_left, kept, to_right = 0.03, 0.92, 0.05
+    asymmetry = plain.asymmetry()
+    share = np.stack([1.0 + asymmetry, 1.0 - asymmetry]) / 2
+    assert np.ptp(share[0]) > 0.05
+    for depth in (300.0, 404.0, 900.0):
+        right = plain.disparity(depth)  # centroid of the right half, with that of the left one at 0
+        left_light = kept * share[0] + (to_left + to_right) * share[1]
+        right_light = kept * share[1] + (to_left + to_right) * share[0]
+        left_mean = (to_left * right + to_right * (right - 1.0)) * share[1] / left_light
+        right_mean = (kept * right * share[1] + to_left * 1.0 * share[0]) / right_light
+        assert geometry.disparity(depth) == pytest.approx(right_mean - left_mean, abs=1e-9)
+        assert geometry.depth(geometry.disparity(depth)) == pytest.approx(depth, rel=1e-9)
+        assert geometry.asymmetry() == pytest.approx(left_light - right_light, abs=1e-12)
+    middle = [each.disparity(300.0)[32, 48] for each in (with_crosstalk(plain, 0.02), plain)]
+    assert middle[0] == pytest.approx(0.98 * middle[1] + 0.01, abs=1e-4)  # the second order of unequal halves
 
 
 @pytest.mark.slow
@@ -162,7 +203,7 @@ def test_asymmetry_at_the_edge_against_brute_force():
     camera = camera_of(17.0, shape=(41, 61), pitch=0.5, cra=0.25, height=0.7, gap=0.05, matched=False)
     geometry, images = pl.sensor.pair_geometry(camera), whites(camera, 256, np.s_[20:21, 0:61])
     pixels = camera.sensor.angular_response
-    for column in (1, 30, 50):
+    for column in (1, 20, 30, 50):
         x, y = camera.sensor.centre_of(20, column)
         light = np.zeros(2)
         for dx in (np.arange(4) + 0.5) / 8 - 0.25:  # over the pixel's width
@@ -176,9 +217,10 @@ def test_asymmetry_at_the_edge_against_brute_force():
         expected = (light[0] - light[1]) / light.sum()
         left, right = images.left[0, column, 0], images.right[0, column, 0]
         error = math.hypot(*(float(shot.standard_error[0, column, 0]) for shot in images.exposures)) / (left + right)
-        # Grids of 240 points, and polynomials over the field where rims set in.
+        # Grids of 240 points are off by 1.5e-3. The Monte Carlo error of the geometry is 1e-4, by four seeds; its
+        # polynomials of order 6 are off by 3.5e-3 where rims set in.
         assert (left - right) / (left + right) == pytest.approx(expected, abs=4 * error + 2e-3)
-        assert geometry.asymmetry()[20, column] == pytest.approx(expected, abs=0.01)
+        assert geometry.asymmetry()[20, column] == pytest.approx(expected, abs=6e-3)
     assert abs(geometry.asymmetry()[20, 1]) > 0.2
 
 
@@ -233,6 +275,42 @@ def test_crosstalk_moves_light_to_neighbouring_wells_and_pixels():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("crosstalk", [0.0, KERNEL])
+def test_the_stated_error_of_strong_blur_is_that_of_noise(crosstalk):
+    lens, side = DOUBLE_GAUSS.scaled(focal_length=4.4).with_stop(pl.CircularStop(1.1)), 240
+    camera = pl.PlenopticCamera(lens, pl.sensor.dual_pixel(0.0014, (side, side)), 5.0).focused_at(-500.0)
+    geometry = with_crosstalk(pl.sensor.pair_geometry(camera), crosstalk)
+    disparity = float(geometry.disparity(260.0)[side // 2, side // 2])
+    assert 2.5 < disparity < 6.0
+    # A texture of waves, which rays of both halves displace, and columns of the sensor by crosstalk.
+    random, pixel = np.random.default_rng(7), np.arange(side)
+    waves = random.normal(0.0, 0.1, (2, 600))  # cycles per pixel
+    heights = random.normal(size=600) * np.exp(2j * np.pi * random.uniform(size=600))
+    light = geometry.pupil.weights @ np.exp(-2j * np.pi * geometry.blur(disparity) @ waves)
+    moves = np.exp(-2j * np.pi * np.outer([-1.0, 0.0, 1.0], waves[1]))  # by rows
+    kernel, column = geometry.camera.sensor.angular_response.crosstalk, np.exp(-2j * np.pi * waves[0])
+    (to_left, kept, to_right), (shares_left, shares_kept, shares_right) = kernel.T @ moves, kernel.sum(axis=0)
+    left = kept * light[0] + (to_left + to_right * column) * light[1]
+    right = kept * light[1] + (to_right + to_left / column) * light[0]
+    white = [[shares_kept, shares_left + shares_right], [shares_left + shares_right, shares_kept]]
+    white = white @ geometry.pupil.weights.sum(axis=1)
+    along = [np.exp(2j * np.pi * np.outer(pixel, wave)) for wave in waves]
+    halves = np.stack(
+        [((along[1] * (heights * half)) @ along[0].T).real for half in (left / white[0], right / white[1])]
+    )
+    asymmetry = geometry.asymmetry()
+    halves *= [1.0 + asymmetry, 1.0 - asymmetry]
+    halves += random.normal(0.0, 0.4 * halves.std(), halves.shape)
+    exposures = tuple(pl.Exposure(half[..., None], camera=geometry.camera) for half in halves)
+    found = pl.lightfield.depth(pl.sensor.WellImages(geometry.camera, exposures), disparity_range=(-1.0, 9.0))
+    z = ((found.disparity - disparity) / found.standard_error)[30:-30, 30:-30]
+    assert np.isfinite(z).all()
+    # 180 x 180 pixels are 112 windows: an error of 0.067 of their rms, of 0.094 of their mean.
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.2)
+    assert abs(z.mean()) < 0.35
+
+
+@pytest.mark.slow
 def test_depth_of_a_pair_of_planes_within_its_stated_error():
     lens = DOUBLE_GAUSS.scaled(focal_length=4.4).with_stop(pl.CircularStop(1.1))
     pitch, side = 0.0014, 144
@@ -267,6 +345,9 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
     assert same.any() and np.nanmedian(np.abs(cropped.disparity - found.disparity[part])) < 0.02
 
 
+GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7)), None)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -283,6 +364,13 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
         (lambda: pl.sensor.pair_geometry(pl.camera.example_camera()), r"make it with pl.sensor.dual_pixel"),
         (lambda: pl.sensor.read_wells([pl.Exposure(np.ones((2, 2, 1)))]), "not those of all wells of one camera"),
         (lambda: pl.sensor.pair_geometry(camera_of(1.0, cra=1.4, matched=False, pitch=0.3)), "get no light in one of"),
+        (lambda: pl.sensor.well_cameras(3), "camera is an int; give a PlenopticCamera"),
+        (lambda: pl.sensor.read_wells([3]), "an item of exposures is an int; give an Exposure"),
+        (
+            lambda: GEOMETRY.asymmetry(region=(0, 9, 0, 5)),
+            r"region is \(0, 9, 0, 5\); give the first and end row, .* 4 x 6",
+        ),
+        (lambda: GEOMETRY.disparity(-400.0), "depth holds -400 mm; it must be above 0"),
         (lambda: pl.Sensor((4, 4), 0.01, angular_response=3), "AngularResponse, DualPixels or None"),
     ],
 )

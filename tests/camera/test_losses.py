@@ -8,7 +8,7 @@ import pytest
 from camera_helpers import GAUSS, bare_camera, camera_with, total, white
 
 import plenoptic as pl
-from plenoptic.camera.camera_record import camera_record
+from plenoptic.camera.camera_record import camera_record, core_transmission
 from plenoptic.optics.lens.analysis.transmission import light_balance, transmission_to
 from plenoptic.rendering import Stage
 
@@ -115,3 +115,33 @@ def test_replays_have_the_weight_of_their_path():
     shots = [sky(each, samples=4) for each in (camera, coated(camera, HALF_PERCENT))]
     plain, weak = (pl.replay(shot, SKY, pixel=(11, 12), sample=1) for shot in shots)
     assert weak.weight == pytest.approx(TWICE * plain.weight, rel=1e-12)
+
+
+def traced_core(camera, monkeypatch):
+    """White image whose unvignetted core is traced."""
+    with monkeypatch.context() as patch:
+        patch.setattr("plenoptic.camera.cache.core_transmission", lambda record: None)
+        return white(dataclasses.replace(camera, lens=dataclasses.replace(camera.lens, name="traced")), 64)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        coated(camera_with(shape=(48, 48)), pl.optics.Coating()),
+        coated(bare_camera(shape=(12, 16), pitch=1.5)),
+        coated(camera_with(lens=GAUSS, b=0.5, shape=(48, 48), to_array=105.3)),
+        coated(camera_with(lens=GAUSS.moved(0, tilt=(0.02, 0.0, 0.0)), shape=(48, 48))),
+    ],
+    ids=["microlenses", "bare sensor", "fast lens", "tilted surface"],
+)
+def test_the_fitted_core_is_that_of_traced_rays(camera, monkeypatch):
+    """Within twice the tolerance of fits, 1e-6, which some rays exceed; lenses that are not centred are traced."""
+    record, fitted = camera_record(camera), white(camera, 64)
+    fit, traced = core_transmission(record), traced_core(camera, monkeypatch)
+    assert (fit is None) == (camera.lens.elements[0].placement is not None)
+    assert pl.plan(None, camera).runs(Stage.UNVIGNETTED_CORE) and fitted.image.max() > 0
+    np.testing.assert_allclose(fitted.image, traced.image, rtol=2e-6)
+    if fit is not None:
+        monkeypatch.setattr("plenoptic.camera.cache.core_transmission", lambda _: fit._replace(degree=0))
+        other = dataclasses.replace(camera, lens=dataclasses.replace(camera.lens, name="constant"))
+        assert abs(white(other, 64).image / fitted.image - 1.0)[fitted.image > 0].max() > 1e-5

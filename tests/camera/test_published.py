@@ -83,6 +83,10 @@ def test_the_phone_has_dual_pixels_for_its_chief_rays():
     assert math.prod(camera.sensor.shape) == pytest.approx(12.2e6, rel=1e-3)
     assert report.f_number == pytest.approx(1.8, rel=1e-6)
     assert camera.sensor.angular_response.pupil_distance == pytest.approx(report.exit_pupil_distance, rel=1e-3)
+    # Two views with a baseline B have the disparity B f (1 / z - 1 / z_focus) / pitch: 1.14 mm, of which gaps are 0.1.
+    geometry, middle = pl.sensor.pair_geometry(camera), (1512, 1513, 2016, 2017)
+    near, far = (float(geometry.disparity(z, region=middle)[0, 0]) for z in (500.0, math.inf))
+    assert (near - far) * 500.0 * 0.0014 / 4.4 == pytest.approx(1.0, abs=0.2)
     assert camera.sensor.half_diagonal / 4.4 == pytest.approx(math.hypot(12.0, 18.0) / 27.0, rel=5e-3)
 
 

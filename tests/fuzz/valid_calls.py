@@ -9,13 +9,26 @@ import re
 import numpy as np
 
 import plenoptic as pl
-from plenoptic import aberrations, paraxial
+from plenoptic import aberrations, paraxial, sensor
 
 CALLS = """
 pl.Sensor(shape=(4, 4), pixel_pitch=0.05, pixel_aperture=(0.9, 0.8))
 Sensor.centre_of: camera().sensor.centre_of(row=3, column=4)
 Sensor.pixel_of: camera().sensor.pixel_of(points=[[0.0, 0.0]])
 sensor.AngularResponse(well_depth=0.01, index=1.5, pupil_distance=9.0, exponent=1.0)
+sensor.dual_pixel(pitch=0.05, shape=(4, 4), split=(1, 2), cra=0.1, height=0.1, gap=0.001, crosstalk=0.02)
+dual_pixel.table: sensor.dual_pixel(pitch=0.05, shape=(4, 4), crosstalk=np.full((3, 3), 1 / 9),
+    table=[[-0.3, 0.6, 0.2], [0.3, 0.2, 0.6]])
+sensor.DualPixels(split=(2, 2), depth=2.0, gap=0.01, pupil_distance=9.0, crosstalk=0.1, table=None, well=(0, 1))
+sensor.well_cameras(camera=pair().camera)
+sensor.read_wells(exposures=list(pair().exposures))
+sensor.pair_geometry(camera=pair().camera)
+PairGeometry.disparity: geometry().disparity(depth=[400.0], region=(2, 6, 0, 4))
+PairGeometry.depth: geometry().depth(disparity=[0.5], region=(2, 6, 0, 4))
+PairGeometry.defocus: geometry().defocus(depth=400.0)
+PairGeometry.asymmetry: geometry().asymmetry(region=(2, 6, 0, 4))
+PairGeometry.blur: geometry().blur(disparity=0.5)
+depth.pair: lightfield.depth(image=pair(), disparity_range=(-1.0, 1.0), window_radius=1)
 pl.Pose(rotation=np.eye(3), position=(0.0, 0.0, 5.0))
 Pose.look_at: pl.Pose.look_at(position=(0, 0, 9.0), target=(0, 0, 0.0), up=(0.0, 1, 0))
 pl.Pose(np.eye(3), (0, 0, 0)).to_world(points=square)
@@ -233,6 +246,18 @@ def camera(**changes):
 @functools.cache
 def shot():
     return pl.render_white(camera(), samples=16, progress=False, threads=1)
+
+
+@functools.cache
+def pair():
+    dual = pl.PlenopticCamera(lens(), sensor.dual_pixel(0.05, (16, 16), crosstalk=0.02), 134.0)
+    shots = [pl.render_white(each, samples=4, progress=False, threads=1) for each in sensor.well_cameras(dual)]
+    return sensor.read_wells(shots)
+
+
+@functools.cache
+def geometry():
+    return sensor.pair_geometry(pair().camera)
 
 
 @functools.cache

@@ -1,5 +1,6 @@
 """Bodies with media that touch, cross, are open or lie too deep in each other are named; others are not."""
 
+import dataclasses
 import warnings
 
 import numpy as np
@@ -111,3 +112,39 @@ def test_renders_of_sound_scenes_warn_of_nothing():
         warnings.simplefilter("error", ImplausibleSceneWarning)
         scene = pl.Scene([box("tank", 30, 0, WATER), ball("ball", 5, 0, GLASS)], [LAMP])
         pl.render(scene, pl.camera.example_camera(shape=(8, 8)), samples=1, replicates=1, progress=False)
+
+
+def copies(mesh, *x, motion=None):
+    """Copies of a mesh at places along x, the last one mirrored."""
+    matrices = np.tile(np.eye(4), (len(x), 1, 1))
+    matrices[:, 0, 3] = x
+    matrices[-1, 1, 1] = -1.0
+    return pl.scene.Instances(mesh, matrices, motion)
+
+
+def test_copies_of_bodies_are_named_as_bodies_are():
+    bead = ball("bead", 5.0, 0.0, WATER)
+    assert not sentences(copies(bead, 0.0, 8.0, 30.0))  # crossing bodies of one medium weaken light rightly
+    (sentence,) = sentences(copies(box("brick", 10, 0, WATER), 0.0, 10.0, 30.0))
+    assert ": copy 0 of brick and copy 1 of brick;" in sentence
+    (sentence,) = sentences(copies(bead, 0.0, 30.0), box("block", 10, 9, GLASS))
+    assert ": copy 0 of bead and block;" in sentence
+    tank = box("tank", 60, 0, GLASS)
+    assert not sentences(copies(bead, 0.0, 12.0, 24.0), tank) and not sentences(copies(bead, 0.0), tank)
+    (sentence,) = sentences(copies(bead, 0.0, 28.0), tank)
+    assert "copy 1 of bead" in sentence and "tank" in sentence and "copy 0" not in sentence
+
+
+def test_moving_bodies_are_checked_where_the_shutter_opens_and_closes():
+    motion = pl.Motion.screw((-1, 1), axis=(1, 0, 0), advance=5)  # from x = 0 to 5 mm in 2 s
+    scene = pl.Scene([copies(ball("bead", 5.0, 0.0, WATER), 0.0, motion=motion), box("block", 10, 14, GLASS)], [LAMP])
+    assert not list(wrong_bodies(scene)) and not list(wrong_bodies(scene, (-1.0, 0.2)))
+    (sentence,) = wrong_bodies(scene, (-1.0, 1.0))
+    assert ": bead and block;" in sentence
+    camera = pl.camera.example_camera(shape=(8, 8))
+    for duration, wrong in ((2.0, True), (0.2, False)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ImplausibleSceneWarning)
+            exposed = dataclasses.replace(camera, shutter=pl.sequences.Shutter(duration))
+            pl.render(scene, exposed, samples=1, replicates=1, progress=False)
+        assert any("bead and block" in str(warning.message) for warning in caught) is wrong

@@ -12,7 +12,7 @@ def layered(**fields):
 
 
 def arrays(tables, before=""):
-    """All arrays by name, those of nested tables too; everything else is None or a number."""
+    """All arrays by name, those of nested tables too; everything else is None, a number or a point."""
     found = {}
     for name, entry in zip(tables._fields, tables, strict=True):
         if hasattr(entry, "_fields"):
@@ -20,7 +20,7 @@ def arrays(tables, before=""):
         elif isinstance(entry, np.ndarray):
             found[before + name] = entry
         else:
-            assert entry is None or isinstance(entry, int | float)
+            assert entry is None or isinstance(entry, int | float | tuple)
     return found
 
 

@@ -68,6 +68,8 @@ def described_scene(scene, camera, *, max_bounces):
     if scene.medium is not None:
         parts["fog"] = described_medium(scene.medium)
         parts["sensor"]["medium"] = {"type": "ref", "id": "fog"}
+        # Mitsuba's rays, and their way through the medium, begin at this distance.
+        parts["sensor"]["near_clip"] = 0.01
     for i, mesh in enumerate((*scene.meshes, *scene.lights)):
         for k, part in enumerate(described(mesh)):
             parts[f"part_{i}_{k}"] = part

@@ -211,6 +211,14 @@ def _keep_visible(record: ForwardRecord, projection: Projection, entering: Float
     return dataclasses.replace(projection, visible=visible)
 
 
+def entrance_in_world(record: ForwardRecord, entering: Floats) -> Floats:
+    """World points (n, 3) of points (n, 2) of the entrance plane."""
+    lens_pose, pose = record.parts.lens_to_camera, record.camera.pose
+    points = np.column_stack([entering, np.full(len(entering), record.entrance.z)])
+    points = points if lens_pose is None else lens_pose.points(points)
+    return np.asarray(points if pose is None else pose.to_world(points))
+
+
 def occlusion_of_points(
     record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene
 ) -> NDArray[np.bool_]:
@@ -220,11 +228,7 @@ def occlusion_of_points(
     scene_record, intersector = prepared.record, prepared.intersector
     if intersector is None:
         return np.zeros(len(points), dtype=bool)
-    lens_pose, pose = record.parts.lens_to_camera, record.camera.pose
-    through = np.column_stack([entering, np.full(len(points), record.entrance.z)])
-    through = through if lens_pose is None else lens_pose.points(through)
-    through = through if pose is None else pose.to_world(through)
-    segment = through - points
+    segment = entrance_in_world(record, entering) - points
     start = points + _MIN_OCCLUDER_DISTANCE * segment
     rays = np.ascontiguousarray(np.column_stack([start, (1.0 - _MIN_OCCLUDER_DISTANCE) * segment]))
     blocked = np.zeros(len(points), dtype=np.uint8)

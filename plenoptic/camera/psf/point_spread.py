@@ -17,7 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plenoptic.camera.psf.psf_results import CameraSpread, LandingPoints, to_camera_spread, trace_spots
+from plenoptic.camera.psf.psf_results import (
+    CameraSpread,
+    LandingPoints,
+    add_spots,
+    dark_spot,
+    to_camera_spread,
+    trace_spots,
+)
 from plenoptic.camera.psf.sensor_hits import (
     HIT,
     diffraction_record,
@@ -33,6 +40,7 @@ from plenoptic.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 
 _MAX_REPLICATES = 1 << 16
 
@@ -44,6 +52,7 @@ def point_spread(
     rays: int = 1 << 18,
     seed: int = 0,
     replicates: int = 32,
+    ghosts: Ghosts | None = None,
     threads: int | None = None,
     progress: bool = True,
 ) -> CameraSpread:
@@ -65,6 +74,9 @@ def point_spread(
         Seed of the random numbers, at least 0. Each point has independent ones.
     replicates : int, optional
         Independent scramblings of the sampling points, at least 1, for the standard error.
+    ghosts : Ghosts, optional
+        Adds the light that two surfaces of the lens reflect, without diffraction, by as many rays again, which all
+        pairs of surfaces share; `fates` and `fractions` remain those of the image. None: no ghosts.
     threads, progress : optional
         As for `render`. The result does not depend on them.
 
@@ -95,6 +107,12 @@ def point_spread(
         record = diffraction_record(camera)
         tasks = ray_tasks(record, in_lens_axes(record, world), replicates, rays_per_replicate)
         spots = dict(trace_spots(record, tasks, rays_per_replicate, scrambling, workers))
+        if ghosts is not None:
+            from plenoptic.camera.psf.ghost_spread import ghost_spots  # few points have ghosts
+
+            rays_of_each = replicates, rays_per_replicate
+            for number, spot in ghost_spots(camera, ghosts, world, rays_of_each, scrambling, workers).items():
+                spots[number] = add_spots(spots.get(number, dark_spot(record, replicates)), spot)
         spread = to_camera_spread(camera, world, spots, replicates, rays_per_replicate)
     return spread if is_batch else spread.of(0)
 

@@ -266,6 +266,24 @@ def _to_spot(crops: list[SensorCrop], rays_per_replicate: int) -> Spot:
     return Spot(SensorCrop(corner, mean, moments.mean(axis=0), counts), error, moments)
 
 
+def dark_spot(record: ForwardRecord, replicates: int) -> Spot:
+    """Image of a point without light."""
+    counts = np.zeros(CAUSES * (len(record.camera.lens.elements) + 1) + 3, np.int64)
+    crop = SensorCrop(np.zeros(2, np.int64), np.zeros((0, 0)), np.zeros(3), counts)
+    return Spot(crop, np.zeros((0, 0)), np.zeros((replicates, 3)))
+
+
+def add_spots(first: Spot, second: Spot) -> Spot:
+    """Sum of two images of a point with independent errors; counts are those of the first."""
+    corner, shape = _bounding_rectangle([first.crop, second.crop])
+    images, errors = (
+        [_paste(pixels, spot.crop.corner, corner, shape) for pixels, spot in zip(parts, (first, second), strict=True)]
+        for parts in ((first.crop.sums, second.crop.sums), (first.error, second.error))
+    )
+    crop = SensorCrop(corner, images[0] + images[1], first.crop.moments + second.crop.moments, first.crop.counts)
+    return Spot(crop, np.hypot(*errors), first.moments + second.moments)
+
+
 def trace_spots(
     record: ForwardRecord, tasks: list[RayTask], rays_per_replicate: int, seed: np.uint64, threads: int
 ) -> Iterator[tuple[int, Spot]]:

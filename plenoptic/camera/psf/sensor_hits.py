@@ -22,7 +22,7 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.diffraction.far_field import FarField
 from plenoptic.optics.lens.lens_record import LensRecord, radiometric_lens_record
 from plenoptic.optics.lens.models import LensModel
-from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entrance, entrance_polygon
+from plenoptic.optics.lens.pupil.entrance_pupil import Entrance, entrance, entrance_polygon, rim_polygons
 from plenoptic.optics.lens.pupil.exit_pupil import rear_reach
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.dust import BlemishSite
@@ -98,11 +98,14 @@ def fill_through_array_forward(blocks: Floats, record: ForwardRecord) -> None:
 
 def fill_to_sensor(blocks: Floats, record: ForwardRecord) -> None:
     """Trace rays in front of the lens, in its axes, to points on the sensor; see `to_sensor`."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, Z
     from plenoptic.optics.lens.kernels.trace import fill_through_lens
     from plenoptic.optics.microlens.kernels.to_sensor import fill_ideal_weights
 
     fill_dust_at_lens(blocks, record.dust, BlemishSite.LENS_FRONT)
     fill_through_lens(blocks, record.lens, None)
+    if record.unfolded is not None:
+        blocks.reshape(-1, RAY // BLOCK, BLOCK)[:, Z // BLOCK] -= record.unfolded
     if record.ideal:
         fill_ideal_weights(blocks)
     fill_dust_at_lens(blocks, record.dust, BlemishSite.LENS_REAR)
@@ -141,6 +144,8 @@ class ForwardRecord(NamedTuple):
     dust: tuple[PlacedDust, ...] = ()
     deflection: SensorDeflection | None = None
     iris: IrisRecord | None = None
+    unfolded: float | None = None
+    """z behind the unfolded stack of a ghost, which is `lens`, minus z in the axes of the camera's lens, mm."""
 
     @property
     def has_losses_before_array(self) -> bool:
@@ -259,7 +264,10 @@ def ray_tasks(record: ForwardRecord, points: Floats, replicates: int, rays_per_r
     """
     tasks = []
     for number, point in enumerate(points):
-        corners = entrance_polygon(record.entrance, point)
+        if record.unfolded is None:
+            corners = entrance_polygon(record.entrance, point)
+        else:
+            corners = rim_polygons(record.entrance, point[None])[0]
         if corners is None:
             continue
         polygon = np.ascontiguousarray(corners.T)
@@ -279,7 +287,8 @@ def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedR
 
     sensor = record.camera.sensor
     rows = np.empty(task.n, HIT)
-    counts = np.zeros(CAUSES * (len(record.camera.lens.elements) + 1), dtype=np.int64)
+    elements = max(len(record.camera.lens.elements), len(record.lens.rows))  # ideal lenses have fewer rows
+    counts = np.zeros(CAUSES * (elements + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
     aims = np.empty(blocks.size if record.has_losses_before_array else 0)
     n_landed = n_beside_sensor = n_beside_opening = 0

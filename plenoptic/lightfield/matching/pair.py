@@ -9,7 +9,8 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.lightfield.matching.image_stack import Matches
-from plenoptic.readout.well_images import WellImages
+from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
+from plenoptic.readout.well_images import WellImages, after_crosstalk
 from plenoptic.truth.pair_geometry import PairGeometry, pair_geometry
 
 DEFAULT_RANGE, DEFAULT_RADIUS = (-10.0, 10.0), 8
@@ -42,9 +43,10 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
             f"the images have {left.shape[0]} x {left.shape[1]} pixels; windows of {2 * radius + 1} and blur of "
             f"{border} need more: give a smaller window_radius or disparity_range"
         )
-    cost = _costs(np.pad([left, right], ((0, 0), (border, border), (border, border)), "reflect"), planes, geometry)
+    padded = np.pad([left, right], ((0, 0), (border, border), (border, border)), "reflect")
+    cost, noise = _costs(padded, planes, geometry)
     cost = np.stack([_window_sums(each[border:-border, border:-border], radius) for each in cost])
-    matches = _minimise(cost, planes, (2 * radius + 1) ** 2)
+    matches = _minimise(cost, planes, (2 * radius + 1) ** 2 * noise)
     row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in left.shape)
     margin = radius + np.interp(matches.disparity, planes, reach)
     inside = np.minimum(row[:, None], column) >= margin
@@ -60,22 +62,43 @@ def _planes(low: float, high: float) -> Floats:
     return np.array(planes)
 
 
-def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> Floats:
-    """Squared differences (planes, H, W) of the images of a pair (2, H, W), each blurred as the other is."""
-    shape = pair.shape[1:]
+def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats, Floats]:
+    """Squared differences (planes, H, W) of the images of a pair (2, H, W), each blurred as the other is.
+
+    They are divided by their expected value for white noise of variance 1, so that noise prefers no disparity. Also
+    returns, by planes, that value and the expected product of it and of the squared derivative of the noise.
+    """
+    shape = pair.shape[1], pair.shape[2]
     left, right = np.fft.rfft2(pair)
-    costs = np.empty((len(planes), *shape))
-    band = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])) <= _BAND
-    for cost, disparity in zip(costs, planes, strict=True):
-        offsets = geometry.blur(disparity)
-        by_left, by_right = np.fft.rfft2([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
-        norm = np.sqrt(np.abs(by_left) ** 2 + np.abs(by_right) ** 2 + _DAMPING**2)
-        cost[:] = np.fft.irfft2((left * by_right - right * by_left) * band / norm, shape) ** 2
-    return costs
+    costs, noise = np.empty((len(planes), *shape)), np.zeros((2, len(planes)))
+    columns = np.fft.rfftfreq(shape[1])
+    band = np.hypot(np.fft.fftfreq(shape[0])[:, None], columns) <= _BAND
+    share = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
+    previous = 3 * (np.zeros(band.shape),)
+    for k, disparity in enumerate(planes):
+        by_left, by_right = np.fft.rfft2(_point_images(geometry, disparity, shape))
+        power = np.abs(by_left) ** 2 + np.abs(by_right) ** 2
+        gain = band / np.sqrt(power + _DAMPING**2)
+        noise[0, k] = np.sum(power * gain**2 * share)
+        turn = np.abs(previous[0] * by_right - previous[1] * by_left) * previous[2] * gain / (disparity - planes[k - 1])
+        noise[1, k] = np.sum(turn**2 * share)
+        costs[k] = np.fft.irfft2((left * by_right - right * by_left) * gain, shape) ** 2 / noise[0, k]
+        previous = by_left, by_right, gain
+    return costs, noise
+
+
+def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, int]) -> Floats:
+    """Images (2, H, W) of a point at the first pixel, continued periodically, after crosstalk; sums are 1."""
+    pixels, offsets = wells_of(geometry.camera.sensor), geometry.blur(disparity)
+    halves = np.stack([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
+    # Upper and lower wells of quads are taken to see the same.
+    wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
+    images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
+    return np.asarray(images / images.sum(axis=(1, 2), keepdims=True))
 
 
 def _blur(offsets: Floats, weights: Floats, shape: tuple[int, ...]) -> Floats:
-    """Image of a point at the first pixel, continued periodically, through one half: the sum of its rays."""
+    """Image of a point at the first pixel through one half: the sum of its rays."""
     place = offsets[:, ::-1]
     corner = np.floor(place).astype(np.int64)
     part = place - corner
@@ -108,10 +131,17 @@ def _window_sums(values: Floats, radius: int) -> Floats:
     return sums
 
 
-def _minimise(cost: Floats, planes: Floats, pixels: int) -> Matches:
-    """Disparities of least cost (planes, H, W), sums over so many pixels, with standard errors and confidences."""
+def _minimise(cost: Floats, planes: Floats, noise: Floats) -> Matches:
+    """Disparities of least cost (planes, H, W), sums over windows, with standard errors and confidences.
+
+    `noise` (2, planes) are sums over a window, see `_costs`.
+    """
     k = np.clip(cost.argmin(axis=0), 1, len(planes) - 2)
     before, minimum, behind = (np.take_along_axis(cost, (k + step)[None], axis=0)[0] for step in (-1, 0, 1))
+    # From here on the expected cost of noise is subtracted: the division would bend the parabola.
+    before, behind = (
+        minimum + (value - minimum) * noise[0, k + step] / noise[0, k] for value, step in ((before, -1), (behind, 1))
+    )
     down, up = planes[k] - planes[k - 1], planes[k + 1] - planes[k]
     with np.errstate(divide="ignore", invalid="ignore"):
         falling, rising = (minimum - before) / down, (behind - minimum) / up
@@ -119,9 +149,10 @@ def _minimise(cost: Floats, planes: Floats, pixels: int) -> Matches:
         slope = (falling * up + rising * down) / (down + up)
         shift = np.clip(-slope / curvature, -down, up)
         lowest = np.maximum(minimum + 0.5 * slope * shift, 0.0)
-        # The sum of squares S about its least has the curvature 2 / variance, in units of the variance S / (n - 1).
-        # Noise in the band has less variance than white noise, by the band's area.
-        error = np.sqrt(2.0 * lowest / ((pixels - 1) * curvature * math.pi * _BAND**2))
+        # The sum S of squares of n waves has the curvature 2 / variance at its least, in units of the variance S / n.
+        # Noise also moves the minimum by the product of itself and its derivative.
+        variance = 2.0 * lowest / ((noise[0, k] - 1.0) * curvature)
+        error = np.sqrt(variance * (1.0 + noise[1, k] * variance))
         confidence = np.clip(1.0 - lowest / np.median(cost, axis=0), 0.0, 1.0)
     is_minimum = (curvature > 0) & (minimum <= before) & (minimum <= behind)
     return Matches(*(np.where(is_minimum, plane, np.nan) for plane in (planes[k] + shift, error, confidence)))

@@ -247,7 +247,8 @@ class Reflectance:
         row = table[0]
         if self.wavelengths is not None:
             nm = wavelength_within(wavelength, (self.wavelengths[0], self.wavelengths[-1]), "the reflectance")
-            row = np.array([np.interp(nm, self.wavelengths, column) for column in table.T])
+            (rows,) = np.nonzero(np.equal(self.wavelengths, nm))  # one of the table's needs no interpolation
+            row = table[rows[0]] if len(rows) else np.array([np.interp(nm, self.wavelengths, c) for c in table.T])
         if self.angles is None:
             return np.full(np.shape(cosine), row[0])
         return np.asarray(np.interp(-np.asarray(cosine), -np.cos(self.angles), row))

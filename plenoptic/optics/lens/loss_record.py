@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.coatings.coating import Reflectance
+from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
 from plenoptic.optics.coatings.surface_powers import surface_powers
 from plenoptic.optics.glass.absorption import attenuation
 from plenoptic.optics.lens.models import LensModel
@@ -27,8 +28,8 @@ class LossRecord(NamedTuple):
     """Losses of the elements of a `LensRecord`, in the order of travel, at its wavelengths."""
 
     transmittance: Floats
-    """(n, wavelengths, nodes) for unpolarised light, at uniform squares of the cosine in the medium of lower index; 1
-    for stops."""
+    """(n, wavelengths, nodes + 1) for unpolarised light, at uniform squares of the cosine in the medium of lower index,
+    the last one twice; 1 for stops."""
     attenuation: Floats | None
     """(n, wavelengths) attenuation coefficient in 1/mm in front of each element, 0 for the first; None if all are 0."""
     absorbing: NDArray[np.bool_] | None
@@ -50,26 +51,39 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
-    indices = np.array([lens.indices(each) for each in wavelengths])[:, :, np.newaxis]
-    transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
+    indices = np.array([lens.indices(each) for each in wavelengths])
+    transmittance = np.ones((len(lens.elements), len(wavelengths), _INTERVALS + 1))
     for k, element in enumerate(lens.elements):
         if isinstance(element, Surface):
             low, high = (pick(indices[:, k], indices[:, k + 1]) for pick in (np.minimum, np.maximum))
-            powers = surface_powers(element.coating, low, high, cosines, nm)
-            is_mirror = isinstance(element.medium, Mirror)
-            transmittance[k] = powers.transmittance if not is_mirror else _mirror(element, powers.reflectance)
+            transmittance[k] = _table(element, low, high, wavelengths)
     order = slice(None, None, -1 if reverse else 1)
+    # A cosine of 1 is interpolated towards one more node.
+    tables = np.ascontiguousarray(np.concatenate([transmittance, transmittance[:, :, -1:]], axis=2)[order])
     # Before the first element, the origin of a ray is arbitrary.
     per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in lens.gap_media])
     per_mm = per_mm[1:][order] if reverse else per_mm[:-1].copy()
     per_mm[0] = 0.0
     absorbing = np.asarray(per_mm.any(axis=1))
     if not absorbing.any():
-        return LossRecord(np.ascontiguousarray(transmittance[order]), None, None)
-    return LossRecord(np.ascontiguousarray(transmittance[order]), np.ascontiguousarray(per_mm), absorbing)
+        return LossRecord(tables, None, None)
+    return LossRecord(tables, np.ascontiguousarray(per_mm), absorbing)
 
 
-def _mirror(element: Surface, reflectance: Floats) -> Floats:
-    """Light that goes on behind a mirror."""
-    return reflectance if isinstance(element.coating, Reflectance) else np.ones_like(reflectance)
+def _table(element: Surface, low: Floats, high: Floats, wavelengths: tuple[float, ...]) -> Floats:
+    """Light (wavelengths, nodes) that goes on behind a surface between media of a lower and a higher index."""
+    if isinstance(element.medium, Mirror):
+        if not isinstance(element.coating, Reflectance):
+            return np.ones((len(wavelengths), _INTERVALS + 1))
+        nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
+        return surface_powers(element.coating, low[:, np.newaxis], high[:, np.newaxis], cosines, nm).reflectance
+    return _transmittance(element.coating, tuple(low.tolist()), tuple(high.tolist()), wavelengths)
+
+
+@functools.lru_cache(maxsize=256)
+def _transmittance(
+    coating: SurfaceCoating | None, low: tuple[float, ...], high: tuple[float, ...], wavelengths: tuple[float, ...]
+) -> Floats:
+    """Table of a refracting surface; unfolded stacks of ghosts pass the same surfaces many times."""
+    n_low, n_high, nm = (np.array(numbers)[:, np.newaxis] for numbers in (low, high, wavelengths))
+    return surface_powers(coating, n_low, n_high, table_cosines(), nm).transmittance

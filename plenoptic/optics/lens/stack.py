@@ -370,7 +370,7 @@ class LensStack:
         """Trace rays through the lens towards the sensor.
 
         Rays are in the lens frame, with origins anywhere along them, those of the result on the last element. Weights
-        lose what coated lenses take, see `transmission`. A lost ray has weight 0, a status, the index of its element,
+        lose light in coated lenses, see `transmission`. A lost ray has weight 0, a status, the index of its element,
         and NaN for origin and direction. `threads`: None is one for each processor, at most NUMBA_NUM_THREADS.
 
         Examples

@@ -104,9 +104,9 @@ def _ranges(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Whole numbers (k,) from start to end (n,) of the chosen rows of boxes, and the row of each."""
     sizes = np.where(chosen, end - start + 1, 0.0)
-    if (most := np.bincount(box, sizes).max(initial=0)) > MAX_LENSES:
+    if (count := np.bincount(box, sizes).max(initial=0)) > MAX_LENSES:
         raise InvalidValueError(
-            f"the box holds some {most:.3g} microlenses, and the limit is {MAX_LENSES}; take a smaller one"
+            f"the box holds some {count:.3g} microlenses, and the limit is {MAX_LENSES}; take a smaller one"
         )
     counts = sizes.astype(np.int64)
     row = np.repeat(np.arange(len(counts)), counts)

@@ -83,6 +83,16 @@ def dual_pixel(
     return dataclasses.replace(sensor, angular_response=pixels)
 
 
+def wells_of(sensor: Sensor) -> DualPixels:
+    """Dual pixels of a sensor; an InvalidValueError if it has none."""
+    pixels = sensor.angular_response
+    if not isinstance(pixels, DualPixels):
+        raise InvalidValueError(
+            "the camera's sensor has no dual pixels; make it with pl.sensor.dual_pixel(pitch, shape)"
+        )
+    return pixels
+
+
 def _read_table(path: str | os.PathLike[str]) -> Floats:
     """Table of responses in a CSV file of angles in degrees, with a row of names or without."""
     name = file_path(path)

@@ -75,28 +75,6 @@ class DualPixels:
         read = self.table[:, 1:].sum(axis=1) if self.well is None else self.table[:, 1 + self.well[1]]
         return np.stack([self.table[:, 0], read], axis=1)
 
-    def halves_at(self, slope_x: Floats, slope_y: Floats, x: Floats, y: Floats) -> Floats:
-        """Responses (2, ...) of the left and right wells to light from (slope_x, slope_y, -1) at points of the sensor.
-
-        All rows count. Points are in mm.
-        """
-        chief_x, chief_y = -x / self.pupil_distance, -y / self.pupil_distance
-        if self.table is not None:
-            angle = np.arctan(slope_x) - np.arctan(chief_x)
-            return np.stack([np.interp(angle, self.table[:, 0], half) for half in self.table.T[1:]])
-        across = self.depth * (_slope_inside(slope_x, slope_y) - _slope_inside(chief_x, chief_y))
-        down = -self.depth * (_slope_inside(slope_y, slope_x) - _slope_inside(chief_y, chief_x))
-        in_rows, halves = (
-            [(place >= low) & (place < high) for low, high in self.intervals(axis)]
-            for axis, place in enumerate((down, across))
-        )
-        return np.asarray(np.stack(halves) * np.logical_or.reduce(in_rows), dtype=np.float64)
-
-
-def _slope_inside(slope: ArrayLike, other: ArrayLike) -> Floats:
-    """Slope in the stack: by Snell's law the sines along both axes shrink by the index."""
-    return np.asarray(slope / np.sqrt(INDEX2 + (INDEX2 - 1.0) * (np.square(slope) + np.square(other))))
-
 
 def _checked_pair(pair: object, name: str, choices: list[tuple[int, ...]]) -> tuple[int, ...]:
     if isinstance(pair, tuple | list) and all(isinstance(n, int) for n in pair) and tuple(pair) in choices:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.rendering.points.particle_scene import particle_scene
-from plenoptic.rendering.points.particle_tracing import POLYGON_BLOCK, choose_rays, entrance_polygons_at
+from plenoptic.rendering.points.particle_tracing import choose_rays, entrance_polygons_at
 from plenoptic.rendering.points.point_weights import TARGET_ERROR
 from plenoptic.scene.scene import Scene
 
@@ -17,11 +17,14 @@ if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
     from plenoptic.rendering.estimation.estimate import Estimate, Estimated
 
+_PUPILS = 1 << 13
+"""Largest number of particles whose pupils are computed."""
+
 
 def with_particles(
     estimate: Estimate, scene: Scene, camera: PlenopticCamera, target_error: float | None, threads: int
 ) -> Estimate:
-    """Estimate of a render with the particles of its scene: pupils of at most a block of them, and rays of a few."""
+    """Estimate of a render with the particles of its scene: pupils of some of them, and rays of a few."""
     assert scene.points is not None
     traced = particle_scene(scene.points, camera, scene, 0)
     memory = 2.0 * 8 * traced.image_channels * np.prod(camera.sensor.shape)
@@ -31,15 +34,15 @@ def with_particles(
             choose_rays(traced, TARGET_ERROR if target_error is None else target_error, 1),
             time.perf_counter(),
         )
-        block = traced.lit[:: -(-len(traced.lit) // POLYGON_BLOCK)]
+        block = traced.lit[:: -(-len(traced.lit) // _PUPILS)]
         entrance_polygons_at(traced, block)
         pupils = (time.perf_counter() - begin) * len(traced.lit) / len(block)
         rays = choice.rays * choice.seconds * len(traced.lit)
-    share = 1.0 if scene.has_surfaces_or_light else 0.0
+    scene_factor = 1.0 if scene.has_surfaces_or_light else 0.0
     return dataclasses.replace(
         estimate,
-        cpu_seconds=_sum(estimate.cpu_seconds, share, pupils + rays),
-        seconds=_sum(estimate.seconds, share, max(pupils, rays / threads)),
+        cpu_seconds=_sum(estimate.cpu_seconds, scene_factor, pupils + rays),
+        seconds=_sum(estimate.seconds, scene_factor, (pupils + rays) / threads),
         peak_memory=_sum(estimate.peak_memory, 1.0, memory),
     )
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plenoptic.camera.ghost_camera import ghost_lens, opening_camera
+from plenoptic.core.parallel import thread_count
+from plenoptic.core.values import seed_number
 from plenoptic.errors import PlenopticWarning
 from plenoptic.rendering.exposure import Exposure
 from plenoptic.rendering.schedule.budget import Budget
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 _FRACTION = 4
 """Samples of the image for each of the ghosts, whose light is a small part of it."""
+_SEED = (1 << 64) - 1
+"""Bits of a seed that ghosts of particles invert."""
 
 
 def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Exposure:
@@ -29,13 +33,18 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
     """
     scene, ghosts, replicates = subject.scene, subject.settings.ghosts, shot.replicates
     assert scene is not None and ghosts is not None and replicates is not None and shot.samples is not None
-    if not scene.has_surfaces_or_light:
-        return shot  # particles alone
-    if scene.points is not None:
-        scene = dataclasses.replace(scene, points=None)
     each = (
         max(shot.samples // _FRACTION // replicates, 1) if ghosts.samples is None else -(-ghosts.samples // replicates)
     )
+    if scene.points is not None:
+        from plenoptic.rendering.points.points_exposure import add_points, image_of_points
+
+        unlimited, seed = Budget(1, None, None, 1), _SEED ^ seed_number(options.seed)
+        threads = thread_count(options.threads)
+        shot = add_points(shot, image_of_points(scene, subject.camera, unlimited, seed, threads, ghosts), threads)
+        if not scene.has_surfaces_or_light:
+            return shot
+        scene = dataclasses.replace(scene, points=None)
     of_ghosts = dataclasses.replace(
         subject,
         scene=scene,
@@ -43,7 +52,7 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
         samples=each * replicates,
         replicates=replicates,
         truth=Truth.NONE,
-        ghosts=ghost_lens(subject.camera, ghosts.sensor, ghosts.array),
+        ghosts=ghost_lens(subject.camera, ghosts),
     )
     budget = Budget(each * replicates, None, None, replicates)
     with warnings.catch_warnings():

@@ -216,8 +216,7 @@ class PathIntegrator:
         if self.scene.bsdf is not None:
             n_rays = self._scatter_at_surfaces(radiance, hits, bounce, wavelengths, observer)
         if self._medium_stage is not None and self._traces_scattered:
-            roulette = bounce >= ROULETTE
-            n_rays = self._medium_stage.scatter(self._next_queue, n_rays, self._queue, russian_roulette=roulette)
+            n_rays = self._medium_stage.scatter(self._next_queue, n_rays, self._queue, hits, bounce)
         return n_rays
 
     def _scatter_at_surfaces(

@@ -30,25 +30,30 @@ class RayQueue(NamedTuple):
 
 
 class Flights(NamedTuple):
-    """Rays on their way through scattering media, up to the next surface."""
+    """The m of n rays that fly through scattering media, up to the next surface."""
 
     reach: Floats
-    """(n,), mm: distance from the ray's start to the surface, also where transparent ones are in between; or inf."""
+    """(n,), mm: distance from a ray's start to the surface, also where transparent ones are in between; or inf."""
+    ray: NDArray[np.int64]
+    """(m,): index of the ray in its queue."""
+    path: NDArray[np.int64]
+    """(m,): that of its path in the bundle."""
+    end: Floats
+    """(m,), mm: distance from the start to where the ray scatters; inf if it does not before its reach."""
     chance: Floats
-    """(n,): probability that the ray scatters before its reach; 0 in media that do not scatter."""
-    distance_random: Floats
-    """(4, n): random numbers of the distance at which it scatters, and of that at which it is lit."""
+    """(m,): probability that the ray scatters."""
+    end_random: Floats
+    """(4, m): random numbers of the end, and of the distance at which the ray is lit."""
     light_random: Floats
-    """(4, n): random numbers of the light that lights it, and of the direction in which it scatters."""
+    """(4, m): random numbers of the light that lights it, and of the direction in which it scatters."""
     key: NDArray[np.uint64]
-    """(n,): set of random points of the ray."""
+    """(m,): set of random points of the ray."""
     number: NDArray[np.uint32]
-    """(n,): the ray's point in it."""
+    """(m,): the ray's point in it."""
 
-    def first(self, n: int) -> Flights:
-        """The first n of the rays."""
-        random = self.distance_random[:, :n], self.light_random[:, :n]
-        return Flights(self.reach[:n], self.chance[:n], *random, self.key[:n], self.number[:n])
+    def first(self, m: int) -> Flights:
+        """The first m of the flights; the other arrays may have room for more."""
+        return self._replace(ray=self.ray[:m], path=self.path[:m])
 
 
 class ShadowRays(NamedTuple):

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.camera.checks import check_scene_and_camera
 from plenoptic.core.values import whole
+from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.rendering.plan.camera_stages import camera_decisions
 from plenoptic.rendering.plan.rare_light import rare_light
 from plenoptic.rendering.plan.scene_stages import WHITE, scene_decisions
 from plenoptic.rendering.plan.shutter import open_shutter
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject, decide
-from plenoptic.rendering.settings import Caustics, Ghosts, RenderSettings, Sampler
+from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth, truth_names
 from plenoptic.truth.truth_arrays import available_truth, valid_truth
 

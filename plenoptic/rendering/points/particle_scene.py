@@ -14,16 +14,20 @@ from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import ImplausibleSceneWarning, SceneError
+from plenoptic.optics.lens.pupil.entrance_pupil import Outlines
 from plenoptic.scene.points import Points
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
+    from plenoptic.rendering.points.particle_media import ParticleMedia
     from plenoptic.scene.cache import PreparedScene
-    from plenoptic.scene.materials.medium import Medium
     from plenoptic.scene.scene import Scene
 
 _WAVELENGTHS = 16
 """Wavelengths at which a camera with a spectral sensitivity is traced."""
+_GHOST_WAVELENGTHS = 4
+"""Those of its ghosts, which are dim and blurred."""
 
 
 class Passband(NamedTuple):
@@ -32,8 +36,10 @@ class Passband(NamedTuple):
     record: ForwardRecord
     weights: Floats
     """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
-    extinction: Floats | None = None
-    """(C,): loss of light of each channel in the scene's medium, per mm; None without a medium."""
+    extinction: Floats | None
+    """(media + 1, C): loss of light of each channel in `ParticleScene.media`, per mm; None without a medium."""
+    outlines: Outlines
+    """Outlines of the pupil that particles share, added to by the tasks that trace them."""
 
 
 class ParticleScene(NamedTuple):
@@ -48,6 +54,7 @@ class ParticleScene(NamedTuple):
     intensity: Floats
     """(n, 1) or (n, 3): what weights are multiplied by."""
     occluder: PreparedScene | None
+    media: ParticleMedia | None
     seed: np.uint64
 
     @property
@@ -61,45 +68,60 @@ class ParticleScene(NamedTuple):
         return max(self.channels, len(self.intensity[0]))
 
 
-def particle_scene(points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int) -> ParticleScene:
-    """Compile particles before a camera, hidden by the meshes of a scene and weakened by its medium.
+def particle_scene(
+    points: Points, camera: PlenopticCamera, scene: Scene | None, seed: int, ghosts: Ghosts | None = None
+) -> ParticleScene:
+    """Compile particles before a camera, hidden by the meshes of a scene and weakened by its media.
 
+    With `ghosts`, light reaches the sensor by reflections in the lens only, each pair of surfaces being a passband.
     Raises errors of particles at bad places.
     """
-    medium = None if scene is None else scene.medium
-    passbands = _passbands(camera, medium)
-    record = passbands[0].record
+    record = diffraction_record(camera)
     in_lens_axes(record, points.positions)
     centre = _pupil_centre(record)
-    occluder = None if scene is None or not scene.meshes else _occluder(scene, points, centre)
+    media = None
+    if scene is not None:
+        from plenoptic.rendering.points.particle_media import particle_media, sheet_depth
+
+        media = particle_media(scene, centre)
+    extinction = None if media is None else media.extinction
+    passbands = _passbands(camera, record, extinction, _WAVELENGTHS if ghosts is None else _GHOST_WAVELENGTHS)
+    if ghosts is not None:
+        from plenoptic.camera.psf.ghost_spread import ghost_records  # few images have ghosts
+
+        passbands = tuple(
+            band._replace(record=path) for band in passbands for path in ghost_records(band.record.camera, ghosts)
+        )
+    occluder = None if scene is None else _occluder(scene, points, centre)
     intensity = points.intensities(centre)
     columns = intensity if intensity.ndim == 2 else intensity[:, None]
-    if medium is not None and points.sheet is not None:
-        extinction = np.atleast_1d(np.add(medium.absorption, medium.scattering))
-        lengths = np.maximum(points.sheet.lengths_at(points.positions), 0.0)
-        columns = columns * np.exp(-np.multiply.outer(lengths, extinction))
+    if media is not None and points.sheet is not None:
+        columns = columns * np.exp(-sheet_depth(media, points.sheet, points.positions))
     hue = None
     if camera.sensitivity is not None or len(passbands[0].weights) > 1:
         mean = columns.mean(axis=1, keepdims=True)
         hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
         columns = mean
     return ParticleScene(
-        points, np.flatnonzero(columns.any(axis=1)), passbands, hue, columns, occluder, np.uint64(seed)
+        points, np.flatnonzero(columns.any(axis=1)), passbands, hue, columns, occluder, media, np.uint64(seed)
     )
 
 
-def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband, ...]:
-    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity."""
-    extinction = None
-    if medium is not None:
-        extinction = np.zeros(3) + np.add(medium.absorption, medium.scattering)
+def _passbands(
+    camera: PlenopticCamera, record: ForwardRecord, extinction: Floats | None, wavelengths: int
+) -> tuple[Passband, ...]:
+    """Camera at its wavelength, or at wavelengths that stand for parts of its spectral sensitivity.
+
+    `extinction` (media + 1, 3) is that of red, green and blue.
+    """
     if camera.sensitivity is None:
-        if extinction is None or np.ptp(extinction) == 0.0:
-            return (Passband(diffraction_record(camera), np.ones((1, 3)) / 3, extinction),)
-        return (Passband(diffraction_record(camera), np.eye(3), extinction),)
+        if extinction is None or not np.ptp(extinction, axis=1).any():
+            grey = None if extinction is None else np.ascontiguousarray(extinction[:, :1])
+            return (Passband(record, np.ones((1, 3)) / 3, grey, {}),)
+        return (Passband(record, np.eye(3), extinction, {}),)
     tables = colour_tables(camera.sensitivity)
     probability = np.diff(tables.cdf, prepend=0.0)
-    middle, parts = tables.cdf - 0.5 * probability, min(_WAVELENGTHS, len(tables.wavelengths))
+    middle, parts = tables.cdf - 0.5 * probability, min(wavelengths, len(tables.wavelengths))
     part = np.arange(parts) if parts == len(middle) else np.minimum((parts * middle).astype(int), parts - 1)
     bands = []
     for k in np.unique(part):
@@ -108,8 +130,11 @@ def _passbands(camera: PlenopticCamera, medium: Medium | None) -> tuple[Passband
         weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
         loss = None
         if extinction is not None:  # the spectrum of its colour
-            loss = np.full(3, np.average(tables.basis[rows], axis=0, weights=probability[rows]) @ extinction)
-        bands.append(Passband(diffraction_record(dataclasses.replace(camera, wavelength=wavelength)), weights, loss))
+            loss = np.repeat(
+                extinction @ np.average(tables.basis[rows], axis=0, weights=probability[rows])[:, None], 3, axis=1
+            )
+        record = diffraction_record(dataclasses.replace(camera, wavelength=wavelength))
+        bands.append(Passband(record, weights, loss, {}))
     return tuple(bands)
 
 
@@ -122,18 +147,27 @@ def _pupil_centre(record: ForwardRecord) -> Floats:
     return np.asarray((centre if pose is None else pose.to_world(centre))[0])
 
 
-def _occluder(scene: Scene, points: Points, centre: Floats) -> PreparedScene:
+def _occluder(scene: Scene, points: Points, centre: Floats) -> PreparedScene | None:
     """Compile the meshes that hide particles; raise a SceneError for particles inside bodies of glass, and warn of
     glass between them and the pupil's centre.
     """
-    from plenoptic.scene.cache import prepared_scene
+    from plenoptic.rendering.points.particle_media import is_unrefracting
+    from plenoptic.scene.cache import PreparedScene, prepared_scene
     from plenoptic.scene.geometry.instance import Instances
     from plenoptic.scene.materials.alpha_mask import media_at
     from plenoptic.scene.materials.dielectric import Dielectric, ThinGlass
+    from plenoptic.scene.scene_record import build_record
 
-    prepared, glass = prepared_scene(scene), []
-    is_near_glass = np.zeros(len(points), bool)
-    for k, part in enumerate(scene.meshes):
+    meshes = [part for part in scene.meshes if not is_unrefracting(part)]
+    if not meshes:
+        return None
+    if len(meshes) == len(scene.meshes):
+        prepared = prepared_scene(scene)
+    else:
+        prepared = PreparedScene(build_record(meshes, scene.lights, scene.background, medium=scene.medium)[0])
+    names = [name for name, part in zip(scene.object_names, scene.meshes, strict=False) if not is_unrefracting(part)]
+    glass, is_near_glass = [], np.zeros(len(points), bool)
+    for k, part in enumerate(meshes):
         material = (part.mesh if isinstance(part, Instances) else part).material
         if isinstance(material, Dielectric | ThinGlass):
             glass.append(k)
@@ -149,12 +183,12 @@ def _occluder(scene: Scene, points: Points, centre: Floats) -> PreparedScene:
                 "its rays; move it outside, give the medium to pl.Scene(medium=), or put an emissive mesh there"
             )
     if glass:
-        _warn_of_glass(scene, prepared, points.positions, centre, glass)
+        _warn_of_glass({k: names[k] for k in glass}, prepared, points.positions, centre)
     return prepared
 
 
-def _warn_of_glass(scene: Scene, prepared: PreparedScene, points: Floats, centre: Floats, glass: list[int]) -> None:
-    """Warn of meshes of glass, by their numbers in the scene, that particles lie behind."""
+def _warn_of_glass(glass: dict[int, str], prepared: PreparedScene, points: Floats, centre: Floats) -> None:
+    """Warn of meshes of glass, by numbers and names, that particles lie behind."""
     from plenoptic.scene.geometry.kernels.interaction import fill_distances
     from plenoptic.scene.materials.alpha_mask import no_hits
 
@@ -165,8 +199,8 @@ def _warn_of_glass(scene: Scene, prepared: PreparedScene, points: Floats, centre
     prepared.intersector.fill_closest(hits, rays)
     fill_distances(reached, hits, rays, record.geometry)
     hidden = record.triangle_mesh[hits.triangle[reached < distance]]
-    if names := [scene.object_names[k] for k in glass if (hidden == k).any()]:
-        count = int(np.isin(hidden, glass).sum())
+    if names := [name for k, name in glass.items() if (hidden == k).any()]:
+        count = int(np.isin(hidden, list(glass)).sum())
         warn(
             f"{count} of {len(points)} particles lie behind glass, which hides them: {', '.join(names[:8])}; remove "
             "it, or put a window before the lens by pl.optics.window",

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection import occlusion_of_points
+from plenoptic.camera.points.projection import entrance_in_world, occlusion_of_points
 from plenoptic.camera.psf.sensor_hits import (
     BUNDLE,
     ForwardRecord,
@@ -21,7 +21,7 @@ from plenoptic.camera.psf.sensor_hits import (
 )
 from plenoptic.core.parallel import run_in_order
 from plenoptic.core.values import Floats
-from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons
+from plenoptic.optics.lens.pupil.entrance_pupil import entrance_polygons, rim_polygons
 from plenoptic.rendering.points.particle_scene import ParticleScene, Passband
 
 REPLICATES = 8
@@ -34,8 +34,6 @@ _PILOT, _CANDIDATES = 64, 1024
 """Number of particles from whose errors the number of rays is chosen, and of those among which they are sought."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
 """Largest number of particles, and of rays, of one task."""
-POLYGON_BLOCK = 1 << 15
-"""Particles whose polygons are computed together, which takes 3 kB for each."""
 
 
 class ParticleBatch(NamedTuple):
@@ -138,26 +136,29 @@ def trace_particles(
 
 
 def entrance_polygons_at(scene: ParticleScene, number: NDArray[np.int64]) -> list[NDArray[np.float32]]:
-    """Polygons (n, SIDES, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
+    """Polygons (n, sides, 2) of some particles on the entrance plane at each wavelength; nan if dark."""
     world, radius = scene.points.positions[number], 0.5 * scene.points.diameter[number]
-    return [
-        entrance_polygons(
-            band.record.entrance, in_lens_axes(band.record, world), radius if radius.any() else None
-        ).astype(np.float32)
-        for band in scene.passbands
-    ]
+    radii = radius if radius.any() else None
+    return [_polygons(band, in_lens_axes(band.record, world), radii).astype(np.float32) for band in scene.passbands]
+
+
+def _polygons(band: Passband, points: Floats, radii: Floats | None) -> Floats:
+    """Corners (n, sides, 2) of polygons around the rays of points (n, 3) in the lens axes; nan if dark."""
+    if band.record.unfolded is None:
+        return entrance_polygons(band.record.entrance, points, radii, band.outlines)
+    return rim_polygons(band.record.entrance, points, radii)
 
 
 class ParticleTask(NamedTuple):
-    """Particles (n,) to trace together, their polygons at each wavelength, and rays of a replicate and wavelength."""
+    """Particles (n,) to trace together, rays of a replicate and wavelength, polygons at each wavelength (or None)."""
 
     number: NDArray[np.int64]
-    polygons: list[NDArray[np.float32]]
     each: int
+    polygons: list[NDArray[np.float32]] | None
 
 
 class _ParticleTasks:
-    """Tasks of particles; polygons of the next block are computed while threads trace those before."""
+    """Tasks of particles, with fewer rays for the later ones if time gets short."""
 
     def __init__(
         self,
@@ -173,26 +174,25 @@ class _ParticleTasks:
         return -(-len(self.number) // self.size)
 
     def __iter__(self) -> Iterator[ParticleTask]:
-        step = max(POLYGON_BLOCK // self.size, 1) * self.size
-        for start in range(0, len(self.number), step):
-            begin, block = time.perf_counter(), self.number[start : start + step]
-            # Particles share outlines of the pupil: those of a few at a time would take more time than their rays.
-            polygons = self.polygons if self.polygons is not None else entrance_polygons_at(self.scene, block)
-            now, remaining = time.perf_counter(), len(self.number) - start
-            left = self.rays.end - now - (now - begin) * (remaining / len(block) - 1.0)
-            rays, unit = self.rays.rays, whole_replicates(self.scene, 1)
-            while rays * remaining * self.rays.seconds > left and rays >= 2 * unit:
+        begin, unit, n_traced = time.perf_counter(), whole_replicates(self.scene, 1), 0
+        for first in range(0, len(self.number), self.size):
+            now, part = time.perf_counter(), slice(first, first + self.size)
+            rays, remaining = self.rays.rays, len(self.number) - first
+            seconds = max(self.rays.seconds, (now - begin) / max(n_traced, 1))
+            while rays * remaining * seconds > self.rays.end - now and rays >= 2 * unit:
                 rays //= 2
-            for first in range(0, len(block), self.size):
-                part = slice(first, first + self.size)
-                yield ParticleTask(block[part], [polygon[part] for polygon in polygons], rays // unit)
+            number = self.number[part]
+            n_traced += rays * len(number)
+            polygons = None if self.polygons is None else [polygon[part] for polygon in self.polygons]
+            yield ParticleTask(number, rays // unit, polygons)
 
 
 def _trace_task(scene: ParticleScene, task: ParticleTask) -> ParticlePixels:
     """Trace the rays of some particles to their polygons, bundle by bundle."""
     from plenoptic.rendering.points.kernels.particle_rays import fill_entries
 
-    number, polygons, each = task
+    number, each = task.number, task.each
+    polygons = entrance_polygons_at(scene, number) if task.polygons is None else task.polygons
     world = scene.points.positions[number]
     lens_points = [in_lens_axes(band.record, world) for band in scene.passbands]
     lit = np.flatnonzero(np.all([np.isfinite(polygon[:, 0, 0]) for polygon in polygons], axis=0))
@@ -243,12 +243,15 @@ def _trace_bundle(
     record, (pixel, weight, moments) = band.record, results
     n = pixel.size
     blocks = np.empty(-(-n // BLOCK) * RAY)
-    lengths = None if band.extinction is None else np.empty(n)
+    lengths, depth = None if band.extinction is None else np.empty(n), None
     particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal, lengths)
-    if lengths is not None and not record.ideal:  # the first plane of ideal lenses is that of the entrance
-        _add_path_to_first_element(lengths, blocks, record)
+    if lengths is not None:
+        if not record.ideal:  # the first plane of ideal lenses is that of the entrance
+            _add_path_to_first_element(lengths, blocks, record)
+        depth = _optical_depth(lengths, blocks, scene, batch, band)
     if scene.occluder is not None:
-        _hide(blocks, scene, batch, record)
+        centres, entering = _segments(blocks, scene, batch)
+        particle_rays.stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
     if record.iris is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, record.iris, None)
     fill_to_sensor(blocks, record)
@@ -257,8 +260,8 @@ def _trace_bundle(
     if record.deflection is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, None, record.deflection)
     screen = (*record.camera.sensor.shape, record.camera.sensor.pixel_pitch)
-    flat, medium = weight.reshape(n, -1), None if lengths is None else (lengths, band.extinction)
-    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, medium)
+    flat = weight.reshape(n, -1)
+    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, depth)
 
 
 def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardRecord) -> None:
@@ -272,14 +275,28 @@ def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardR
     lengths += np.linalg.norm(np.subtract(*paths), axis=1).ravel()[: lengths.size]
 
 
-def _hide(blocks: Floats, scene: ParticleScene, batch: ParticleBatch, record: ForwardRecord) -> None:
-    """Stop the rays that a surface of the scene hides, from the centres of the particles to the lens."""
-    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
-    from plenoptic.rendering.points.kernels.particle_rays import stop_rays
+def _optical_depth(
+    lengths: Floats, blocks: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband
+) -> Floats:
+    """Optical depth (n, channels) of the media along rays of given lengths (n,)."""
+    media, extinction = scene.media, band.extinction
+    assert media is not None and extinction is not None
+    at_lens = extinction[media.around_lens]
+    depth = np.multiply.outer(lengths, at_lens)
+    if media.bodies is not None:
+        from plenoptic.rendering.points.particle_media import depth_in_bodies
 
-    assert scene.occluder is not None
+        centres, entering = _segments(blocks, scene, batch)
+        starts = entrance_in_world(band.record, entering)
+        depth += depth_in_bodies(media, extinction - at_lens, (starts, centres), media.at_lens)
+    return np.asarray(depth)
+
+
+def _segments(blocks: Floats, scene: ParticleScene, batch: ParticleBatch) -> tuple[Floats, Floats]:
+    """Centres (n, 3) of the particles of rays, in the world, and points (n, 2) of the rays on the entrance plane."""
+    from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, X, Y
+
     of_each = batch.replicates * batch.each
     rays, n = blocks.reshape(-1, RAY), of_each * len(batch.number)
     entering = np.column_stack([rays[:, X : X + BLOCK].ravel()[:n], rays[:, Y : Y + BLOCK].ravel()[:n]])
-    centres = np.repeat(scene.points.positions[batch.number], of_each, axis=0)
-    stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
+    return np.repeat(scene.points.positions[batch.number], of_each, axis=0), entering

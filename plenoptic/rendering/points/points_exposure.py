@@ -11,7 +11,7 @@ import numpy as np
 
 from plenoptic.camera.checks import sensor_region
 from plenoptic.camera.psf.point_spread import check_focusing
-from plenoptic.core.parallel import thread_count
+from plenoptic.core.parallel import run_in_order, thread_count
 from plenoptic.core.values import Floats, flag, seed_number
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, InvalidValueError
@@ -23,10 +23,18 @@ from plenoptic.rendering.schedule.outcome import warn_if_late
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
+    from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
     from plenoptic.rendering.plan.stages import Subject
     from plenoptic.rendering.schedule.budget import Budget
     from plenoptic.rendering.schedule.run import RenderOptions
     from plenoptic.scene.scene import Scene
+
+_ROWS = 128
+"""Rows of an image to which the light of particles is added together."""
+
+
+_GHOST_ERROR = 10.0
+"""Error of the light of ghosts over that of the image, each as a fraction of its light: ghosts are the smaller part."""
 
 
 class PointsImage(NamedTuple):
@@ -38,8 +46,10 @@ class PointsImage(NamedTuple):
     """Time that their rays took."""
 
 
-def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed: int, threads: int) -> PointsImage:
-    """Image of a scene's particles; memory does not grow with their number.
+def image_of_points(
+    scene: Scene, camera: PlenopticCamera, budget: Budget, seed: int, threads: int, ghosts: Ghosts | None = None
+) -> PointsImage:
+    """Image of a scene's particles, or of their `ghosts` alone; memory does not grow with their number.
 
     Under a time limit, of which surfaces get the second half, they may have fewer rays than their error needs.
     """
@@ -49,11 +59,12 @@ def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed:
     check_focusing(camera)
     begin, part_of_time = time.perf_counter(), 0.5 if scene.has_surfaces_or_light else 0.9
     end = math.inf if budget.time_limit is None else begin + part_of_time * budget.time_limit
-    traced = particle_scene(scene.points, camera, scene, seed)
+    traced = particle_scene(scene.points, camera, scene, seed, ghosts)
     rows, columns = camera.sensor.shape
     image, variance = np.zeros((2, rows * columns, traced.image_channels))
     if len(traced.lit):
         target_error = TARGET_ERROR if budget.target_error is None else budget.target_error
+        target_error *= 1.0 if ghosts is None else _GHOST_ERROR
         rays = choose_rays(traced, target_error, threads, end)
         intensity = traced.intensity / pixel_area(camera)
         for part in trace_particles(traced, rays, threads, traced.lit):
@@ -62,15 +73,27 @@ def image_of_points(scene: Scene, camera: PlenopticCamera, budget: Budget, seed:
     return PointsImage(image.reshape(shape), variance.reshape(shape), time.perf_counter() - begin)
 
 
-def add_points(shot: Exposure, points: PointsImage) -> Exposure:
+def add_points(shot: Exposure, points: PointsImage, threads: int) -> Exposure:
     """Exposure of the surfaces of a scene, with the light of its particles; variances add up."""
     assert shot.camera is not None
     first_row, end_row, first_column, end_column = shot.region or sensor_region(shot.camera.sensor.shape, None)
     crop = slice(first_row, end_row), slice(first_column, end_column)
-    error = shot.standard_error
-    if error is not None:
-        error = np.sqrt(np.square(error, dtype=np.float64) + points.variance[crop])
-    return dataclasses.replace(shot, image=shot.image + points.image[crop], standard_error=error)
+    light, variance, of_surfaces = points.image[crop], points.variance[crop], shot.standard_error
+    image = np.empty(np.broadcast_shapes(shot.image.shape, light.shape), np.float32)
+    error = None if of_surfaces is None else np.empty(image.shape, np.float32)
+
+    def fill_rows(first: int) -> None:
+        rows = slice(first, first + _ROWS)
+        image[rows] = shot.image[rows] + light[rows]
+        if error is not None and of_surfaces is not None:
+            error[rows] = np.sqrt(np.square(of_surfaces[rows], dtype=np.float64) + variance[rows])
+
+    for _ in run_in_order(fill_rows, range(0, len(image), _ROWS), threads=threads):
+        pass
+    for array in (image, error):
+        if array is not None:
+            array.flags.writeable = False  # exposures copy no frozen arrays
+    return dataclasses.replace(shot, image=image, standard_error=error)
 
 
 def exposure_of_points(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
@@ -95,8 +118,9 @@ def exposure_of_points(subject: Subject, budget: Budget, options: RenderOptions)
         settings=subject.settings,
         white=False,
     )
-    points = image_of_points(scene, camera, budget, seed, thread_count(options.threads))
-    shot = add_points(shot, points)
+    threads = thread_count(options.threads)
+    points = image_of_points(scene, camera, budget, seed, threads)
+    shot = add_points(shot, points, threads)
     warn_if_late(None, budget.time_limit, points.seconds, points.seconds)
     if not shot.image.any():
         warn("no light of the particles reaches these pixels, and the image is black", BlackImageWarning)

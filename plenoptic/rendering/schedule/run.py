@@ -107,7 +107,7 @@ def run(subject: Subject, budget: Budget, options: RenderOptions) -> Exposure:
         made = setup.progress, subject, region, setup.seed, setup.workers, setup.conditioning
         shot = exposure_of(*made, interrupted=interrupted)
         if particles is not None:
-            shot = add_points(shot, particles)
+            shot = add_points(shot, particles, setup.workers)
         seconds = 0.0 if particles is None else particles.seconds
         _warn(setup, subject, shot, interrupted=interrupted, particle_seconds=seconds)
         return shot

@@ -83,7 +83,7 @@ def lights_record(
     sheets = [light for light in lights if drawn and isinstance(light, Sheet)]
     environment = sky.environment
     extent = np.zeros((2, 3)) if bounds is None else bounds
-    diameter = float(np.linalg.norm(extent[1] - extent[0]))
+    diameter, middle = float(np.linalg.norm(extent[1] - extent[0])), extent.mean(axis=0)
     radius = max(diameter / 2, 1e-9)
     disc = math.pi * radius**2
     # Powers relative to the brightest, so that no radiance overflows.
@@ -133,6 +133,7 @@ def lights_record(
             environment=environment,
         ),
         far=2 * diameter + 1.0,
+        middle=(float(middle[0]), float(middle[1]), float(middle[2])),
         candidates=_CANDIDATES if _number_of_lights(items, emitters) >= _MANY else 1,
     )
     return record, contiguous(area_power * per_near) if cdf is not None and near_power.size else None

@@ -112,6 +112,8 @@ class Lights(NamedTuple):
     sky: Sky
     far: float
     """mm: how far it is, at most, from any point of the scene to beyond all of it."""
+    middle: tuple[float, float, float]
+    """mm: of the box around meshes and lamps."""
     candidates: int
     """Lights that are drawn at an interaction. One of them is chosen by its contribution."""
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from plenoptic.core.values import Floats, contiguous
-from plenoptic.scene.materials.material_records import EXTRA_SHARES, SHARES, Alpha, Bsdf, MaterialRow, Media
+from plenoptic.scene.materials.material_records import EXTRA_SHARES, INSIDE, SHARES, Alpha, Bsdf, MaterialRow, Media
 from plenoptic.scene.materials.medium import Medium
 from plenoptic.scene.materials.registry import CONDUCTOR, DIELECTRIC, LAMBERTIAN, MATERIALS, THIN_DIELECTRIC, Material
 from plenoptic.scene.textures.color import Colour
@@ -41,21 +41,22 @@ def bsdf_record(materials: Sequence[Material], channels: int) -> Bsdf | None:
 
 
 def media_records(
-    rows: Sequence[MaterialRow], medium: Medium | None, channels: int
+    rows: Sequence[MaterialRow], lit: Sequence[bool], medium: Medium | None, channels: int
 ) -> tuple[Floats | None, Media | None]:
     """Compile absorption, None where nothing absorbs or scatters, and media, None where none scatters.
 
-    The medium of the scene is the last row.
+    `lit` says which materials have bodies with a light in them. The medium of the scene is the last row.
     """
     absorption, scattering = [row.absorption for row in rows], [row.scattering for row in rows]
-    asymmetry = [row.asymmetry for row in rows]
+    asymmetry, index = [row.asymmetry for row in rows], [row.glass_index[INSIDE] or 1.0 for row in rows]
     if medium is not None:
         absorption, scattering = [*absorption, medium.absorption], [*scattering, medium.scattering]
-        asymmetry.append(medium.phase.g)
+        asymmetry, index, lit = [*asymmetry, medium.phase.g], [*index, 1.0], [*lit, True]
     absorbed, scattered = color_rows(absorption, channels), color_rows(scattering, channels)
-    media = Media(scattered, contiguous(absorbed + scattered), contiguous(np.array(asymmetry)))
-    scatters = bool(np.any(scattered))
-    return absorbed if scatters or np.any(absorbed) else None, media if scatters else None
+    if not np.any(scattered):
+        return absorbed if np.any(absorbed) else None, None
+    of_rows = contiguous(np.array(asymmetry)), contiguous(np.square(index)), contiguous(np.array(lit, dtype=np.uint8))
+    return absorbed, Media(scattered, contiguous(absorbed + scattered), *of_rows)
 
 
 def alpha_record(rows: Sequence[MaterialRow], texture: TextureColumn | None) -> Alpha | None:

@@ -131,6 +131,10 @@ class Media(NamedTuple):
     """(rows, C), 1/mm: absorption and scattering."""
     asymmetry: Floats
     """(rows,): g of Henyey and Greenstein."""
+    squared_index: Floats
+    """(rows,): by which radiance in bodies is larger than in air; 1 for others."""
+    lit: NDArray[np.uint8]
+    """(rows,): 0 for media of bodies that hold no light."""
 
 
 class Emission(NamedTuple):

@@ -54,8 +54,17 @@ def test_a_plate_transmits_as_two_surfaces_and_its_glass_do():
     np.testing.assert_allclose(ratio, np.exp(-alpha * through), rtol=1e-12)
 
 
+def test_glass_of_any_depth():
+    """exp(-depth) to 256 roundings of its 256th root, and no light at all behind more than 64."""
+    axial = pl.RayBundle([[0.0, 0.0, -10.0]], [[0.0, 0.0, 1.0]])
+    for depth in (1e-9, 1e-3, 0.5, 3.0, 20.0, 60.0, 1e6):
+        dark = pl.optics.AbsorbingGlass(GLASS, [587.6], [math.exp(-1.0)], thickness=1.0)
+        light = plate(depth, dark).trace(axial).weight[0] / plate(depth).trace(axial).weight[0]
+        assert light == pytest.approx(math.exp(-min(depth, 64.0)), rel=256 * 2.0**-52)
+
+
 def test_a_cemented_doublet_on_its_axis():
-    """4 n n' / (n + n')^2 at each of three surfaces; nothing is lost without a coating."""
+    """4 n n' / (n + n')^2 at each of three surfaces, Fresnel's formulas at 40 degrees; nothing without a coating."""
     elements = [
         pl.Surface(60.0, 5.0, CROWN, semi_diameter=10.0),
         pl.Surface(-50.0, 2.0, FLINT, semi_diameter=10.0),
@@ -63,17 +72,27 @@ def test_a_cemented_doublet_on_its_axis():
         pl.CircularStop(9.0),
     ]
     lens = pl.LensStack(elements)
-    expected = math.prod(4 * a * b / (a + b) ** 2 for a, b in ((1.0, 1.5), (1.5, 1.7), (1.7, 1.0)))
+    axial_light = math.prod(4 * a * b / (a + b) ** 2 for a, b in ((1.0, 1.5), (1.5, 1.7), (1.7, 1.0)))
     axial = pl.RayBundle([[0.0, 0.0, -10.0]], [[0.0, 0.0, 1.0]])
     bare = pl.optics.coated(lens, BARE)
     assert [element.coating for element in bare.elements[:3]] == [BARE, None, BARE]
-    assert bare.trace(axial).weight[0] == pytest.approx(expected, rel=1e-14)
+    assert bare.trace(axial).weight[0] == pytest.approx(axial_light, rel=1e-14)
     assert lens.trace(axial).weight[0] == 1.0
     assert bare.with_model(pl.LensModel.THIN).trace(axial).weight[0] == 1.0
     half_percent = pl.optics.coated(lens, pl.optics.Reflectance(0.005))
     cement = 4 * 1.5 * 1.7 / 3.2**2
     assert half_percent.trace(axial).weight[0] == pytest.approx(0.995**2 * cement, rel=1e-14)
-    assert lens.transmission(0.02) == bare.transmission(0.02) == pytest.approx(expected, rel=1e-3)
+    plane = [dataclasses.replace(each, radius=math.inf) for each in elements[:3]]
+    angle, expected = math.radians(40.0), 1.0
+    for ratio in (1.5, 1.7 / 1.5, 1.0 / 1.7):
+        expected *= 0.5 * sum(fresnel(ratio, angle))
+        angle = math.asin(math.sin(angle) / ratio)
+    cemented = pl.optics.coated(pl.LensStack([*plane, elements[3]]), BARE)
+    direction = fan([math.radians(40.0)]).direction
+    tilted = pl.RayBundle([[0.0, 0.0, 0.0]], direction)
+    assert cemented.trace(tilted).weight[0] == pytest.approx(expected, abs=3 * TABLES)
+    assert light_balance(cemented, tilted).transmitted[0] == pytest.approx(expected, rel=1e-12)
+    assert lens.transmission(0.02) == bare.transmission(0.02) == pytest.approx(axial_light, rel=1e-3)
 
 
 def random_rays(lens, n=500, seed=1):

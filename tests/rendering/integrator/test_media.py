@@ -76,6 +76,18 @@ def test_single_scattering_without_any_surface():
     assert abs(mean - scattered_once(0.0, 0.002, 0.004, 4000.0)) < 4.5 * error
 
 
+def test_paths_that_leave_the_scene_bring_their_share():
+    # They may end far away by Russian roulette; in a black room that is larger than all of the light, none leaves.
+    medium, lamp = Medium(2e-4, 0.01), pl.lights.PointLight((20.0, 0.0, -40.0), intensity=1e4)
+    room = flat(pl.box(4000.0, material=pl.Lambertian(0.0)))
+    seen = [
+        whole(radiance(pl.Scene(meshes, [lamp], medium=medium), pinhole(0.3), samples=256, seeds=16, max_bounces=8))
+        for meshes in ([], [room])
+    ]
+    assert max(error for _, error in seen) < 0.01 * seen[1][0]
+    assert abs(seen[0][0] - seen[1][0]) < 4.5 * math.hypot(seen[0][1], seen[1][1])
+
+
 def test_errors_that_are_stated_hold():
     scene = pl.Scene([STOP], [LAMP], medium=Medium(0.002, (0.004, 0.01, 0.002)))
     shots = [
@@ -94,10 +106,12 @@ def test_white_media_vanish_in_a_furnace(g):
     foggy = Medium(0.0, (0.02, 0.005, 0.05), HenyeyGreenstein(g))
     ball = flat(pl.sphere(10.0, center=(0, 0, -40.0), segments=(24, 12), material=pl.Dielectric(1.0, medium=foggy)))
     pane = flat(pl.box(10.0, center=(0, 0, -40.0), material=pl.Dielectric(1.3)))
+    glass = flat(pl.box(10.0, center=(0, 0, -40.0), material=pl.Dielectric(1.3, medium=foggy)))
     for scene in (
         pl.Scene([SHELL], medium=foggy),
         pl.Scene([ball], background=1.0),
         pl.Scene([SHELL, pane], medium=foggy),
+        pl.Scene([glass], background=1.0),
     ):
         mean, error = whole(radiance(scene, pinhole(), samples=32, seeds=8, max_bounces=300))
         assert error < 0.02

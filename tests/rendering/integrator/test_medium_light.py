@@ -124,10 +124,10 @@ def test_extents_are_those_of_each_lamp():
     np.testing.assert_allclose(extent[kinds == 1], 0.5 * math.sqrt(36 + 4 + 1))
 
 
-def test_lights_larger_than_their_distance_have_no_profile():
-    near, far = (flight_profiles.point_profile((x, 0.0, -9.0), (0.0, 0.0, -1.0), 5.0, 0.0, 90.0) for x in (4.9, 20.0))
+def test_lights_larger_than_half_their_distance_have_no_profile():
+    near, far = (flight_profiles.point_profile((x, 0.0, -9.0), (0.0, 0.0, -1.0), 5.0, 0.0, 90.0) for x in (9.9, 20.0))
     assert near == flight_profiles.no_profile() and near[1] == 0.0
-    assert far[1] == pytest.approx(0.5 * (1 - 25 / 400))
+    assert far[1] == pytest.approx(0.5 * (1 - 4 * 25 / 400))
 
 
 def test_lamps_in_view_of_the_camera_are_hardly_noisy():
@@ -136,3 +136,37 @@ def test_lamps_in_view_of_the_camera_are_hardly_noisy():
     scene = pl.Scene([STOP], [lamp], medium=MEDIA[0])
     mean, error = radiance(scene, pinhole(0.1, 8), samples=128, seeds=12, max_bounces=1)
     assert np.sqrt(np.square(error).mean()) < 0.1 * mean.mean()
+
+
+def test_only_bodies_that_hold_a_light_are_lit():
+    # Boxes of 20 mm at x = 0, 40 and 80; one holds a lamp, one a glowing corner, the last nothing.
+    media = [Medium(0.0, 0.01 * k) for k in (1, 2, 3)]
+    bodies = [pl.box(20.0, center=(40.0 * k, 0, 0), material=pl.Dielectric(1.2, medium=m)) for k, m in enumerate(media)]
+    glow = pl.box(2.0, center=(50.0, 10.0, 10.0), material=pl.Emissive(1.0))
+    lamp = pl.lights.PointLight((5.0, 0, 0), intensity=1.0)
+    lit = {}
+    for medium in (None, Medium(0.001)):
+        record = pl.Scene([*bodies, glow], [lamp], medium=medium).tables()
+        lit = {round(float(s), 3): int(k) for s, k in zip(record.media.scattering[:, 0], record.media.lit, strict=True)}
+        assert [lit[s] for s in (0.01, 0.02, 0.03)] == [1, 1, 0]
+        np.testing.assert_allclose(record.media.squared_index[record.media.scattering[:, 0] > 0], 1.44)
+    # Sheets go through everything; a body in two places has the box around both.
+    sheet = pl.lights.Sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), thickness=1.0, irradiance=1.0)
+    assert pl.Scene(bodies, [sheet]).tables().media.lit.all()
+    places = np.stack([np.eye(4)] * 2)
+    places[:, 0, 3] = -30.0, 40.0
+    assert pl.Scene([pl.scene.Instances(bodies[0], places)], [lamp]).tables().media.lit.all()
+
+
+def test_light_within_a_body_is_scattered_by_its_medium():
+    # A lamp in a body of index 1 around the camera: as in the medium of the scene.
+    medium = MEDIA[0]
+    around = flat(pl.box(500.0, material=pl.Dielectric(1.0, medium=medium)))
+    seen = [
+        radiance(scene, NARROW, samples=512, seeds=8, max_bounces=1)
+        for scene in (
+            pl.Scene([STOP, around], [LAMPS["near the ray"]]),
+            pl.Scene([STOP], [LAMPS["near the ray"]], medium=medium),
+        )
+    ]
+    assert seen[0][0].mean() == pytest.approx(seen[1][0].mean(), rel=5e-3)

@@ -140,7 +140,7 @@ def test_a_small_sphere_is_rendered_alike(name):
     image, _ = weights.image()
     middle = np.round(weights.centroid[0]).astype(int)
     region = tuple(slice(k - 16, k + 16) for k in middle)
-    shot = pl.render(pl.Scene([ball]), camera, samples=4096, region=region, progress=False)
+    shot = pl.render(pl.Scene([ball]), camera, samples=1024, region=region, progress=False)
     light, rendered = image[region].sum(), shot.image.sum(dtype=float)
     errors = weights.light_error[0] / weights.light[0] + np.linalg.norm(shot.standard_error.astype(float)) / rendered
     # 1e-3: the mesh's silhouette is inside the sphere; the solid angle of a ball differs by (r / d)^2 from a point's.
@@ -323,7 +323,7 @@ def light_of_disc(lens, centre, diameter, reach):
     """Light and standard error of a disc that faces each ray, by rays to a square wider than the lens, of half side
     `reach`, at its first vertex.
     """
-    n, z, rng = 1 << 21, float(lens.vertices[0]) - 1e-6, np.random.default_rng(2)
+    n, z, rng = 1 << 19, float(lens.vertices[0]) - 1e-6, np.random.default_rng(2)
     aims = np.column_stack([rng.uniform(-reach, reach, (n, 2)), np.full(n, z)])
     direction = aims - centre
     distance = np.linalg.norm(direction, axis=1)

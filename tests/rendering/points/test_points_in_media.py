@@ -8,6 +8,8 @@ import pytest
 from camera_helpers import bare_camera, the_lens
 
 import plenoptic as pl
+from plenoptic.rendering.points.particle_media import depth_in_bodies, particle_media
+from plenoptic.rendering.points.particle_scene import particle_scene
 
 BARE = bare_camera(shape=(128, 128), pitch=0.08)
 POINTS = pl.Points([(0.0, 0.0, -404.0), (1.5, 1.0, -380.0), (-2.0, 0.5, -440.0)], intensity=[1e-2, 2e-2, 3e-2])
@@ -40,15 +42,22 @@ def test_light_falls_exponentially_with_the_path_to_the_front_of_the_lens():
     assert (dim.pixel == clear.pixel).all()
 
 
-@pytest.mark.parametrize("model", [pl.LensModel.EXACT, pl.LensModel.THIN, pl.LensModel.PARAXIAL])
-def test_a_small_sphere_in_a_medium_is_rendered_alike(model):
+@pytest.mark.parametrize(
+    ("model", "bounded"), [(pl.LensModel.EXACT, False), (pl.LensModel.THIN, True), (pl.LensModel.PARAXIAL, False)]
+)
+def test_a_small_sphere_in_a_medium_is_rendered_alike(model, bounded):
     camera, centre, radius = bare_camera(the_lens(model=model), shape=(64, 64), pitch=0.3), (10.0, 5.0, -300.0), 2.0
     medium = pl.materials.Medium((5e-3, 5e-3, 5e-3))
     points = pl.Points([centre], intensity=3.0 * math.pi * radius**2, diameter=2 * radius)
     ball = pl.sphere(radius, material=pl.Emissive(3.0)).translated(*centre)
-    shot = pl.render(pl.Scene([ball], medium=medium), camera, samples=1024, progress=False)
+    around = {"medium": medium}
+    if bounded:
+        tank = pl.box((80, 60, 240), center=(0, 0, -230), material=pl.Dielectric(1.0, medium=medium))
+        around = {"meshes": [tank]}
+    surfaces = pl.Scene([ball, *around.get("meshes", [])], medium=around.get("medium"))
+    shot = pl.render(surfaces, camera, samples=1024, progress=False)
     clear = pl.render(pl.Scene([ball]), camera, samples=1024, progress=False)
-    image, _ = weights_in(pl.Scene(points=points, medium=medium), camera, points).image()
+    image, _ = weights_in(pl.Scene(points=points, **around), camera, points).image()
     bright, _ = weights_in(None, camera, points).image()
     # Both renders, and both traces, have the same rays. Rays to the sphere end before its centre: by 4 r / (3 pi) .. r.
     rendered, traced = (
@@ -112,3 +121,95 @@ def test_a_light_sheet_is_weakened_from_its_start_to_each_particle():
         expected = lit * np.exp(-loss * np.array([0.0, 1.0, 4.0]))
         assert lit[0] == 0 < lit[1] and np.allclose(weights.intensity[:, 0], expected, rtol=1e-12)
         assert np.allclose(image[..., k], weights.image()[0][..., 0], rtol=1e-5, atol=0)
+
+
+def body(medium, size, center=(0.0, 0.0, -404.0), index=1.0):
+    """A box of a medium, whose surface refracts nothing at the index of its surroundings."""
+    return pl.box(size, center=center, material=pl.Dielectric(index, exterior=index, medium=medium))
+
+
+def length_in_box(starts, ends, box):
+    """Lengths (n,) of segments in an axis-aligned box (2, 3), by clipping them at its planes."""
+    offset = ends - starts
+    planes = (box[:, None] - starts) / offset
+    first, last = planes.min(axis=0).max(axis=1), planes.max(axis=0).min(axis=1)
+    return np.maximum(np.clip(last, 0, 1) - np.clip(first, 0, 1), 0.0) * np.linalg.norm(offset, axis=1)
+
+
+def test_depths_of_nested_bodies_are_those_of_lengths_in_boxes():
+    media = [pl.materials.Medium(loss) for loss in (0.01, 0.03, 0.2)]
+    outer, inner, far = body(media[0], (20, 30, 40)), body(media[1], 8.0, (3, 2, -398)), body(None, 5.0, (0, 40, -404))
+    copies = pl.scene.Instances(
+        body(media[2], 1.0, (0, 0, 0)),
+        [[[2, 0, 0, x], [0, 3, 0, 0], [0, 0, -4, -404], [0, 0, 0, 1]] for x in (-5.0, 30.0)],
+    )
+    scene = pl.Scene([far, inner, copies, outer], medium=pl.materials.Medium(0.002), points=POINTS)
+    found = particle_media(scene, np.zeros(3))
+    rng = np.random.default_rng(3)
+    starts = rng.uniform((-60, -60, -340), (60, 60, -300), (5000, 3))
+    # Half of the rays end within one of the small bodies or just beside it.
+    ends = rng.uniform((-15, -20, -430), (40, 50, -380), (5000, 3))
+    ends[::2] = rng.choice([(0, 40, -404), (3, 2, -398), (-5, 0, -404), (30, 0, -404)], 2500)
+    ends[::2] += rng.normal(size=(2500, 3))
+    depth = depth_in_bodies(found, found.extinction, (starts, ends), found.at_lens)
+    first = np.array([[-6.0, -1.5, -406.0], [-4.0, 1.5, -402.0]])
+    lengths = [
+        length_in_box(starts, ends, box)
+        for box in (far.bounds, inner.bounds, first, first + np.array([35.0, 0, 0]), outer.bounds)
+    ]
+    in_far, in_inner, in_first, in_second, in_outer = lengths
+    total = np.linalg.norm(ends - starts, axis=1)
+    expected = 0.03 * in_inner + 0.2 * (in_first + in_second) + 0.01 * (in_outer - in_inner - in_first)
+    expected += 0.002 * (total - in_outer - in_far - in_second)
+    assert all((length > 0).sum() > 10 for length in lengths)
+    # Corners of instances are rounded to float32 for the order of hits alone; distances are float64.
+    assert np.abs(depth / expected[:, None] - 1).max() < 1e-9
+
+
+def test_a_body_around_all_is_the_medium_of_the_scene():
+    medium = pl.materials.Medium(1e-3, (1e-3, 2e-3, 3e-3))
+    inside = weights_in(pl.Scene([body(medium, 2000.0)], points=POINTS))
+    unbounded = weights_in(pl.Scene(points=POINTS, medium=medium))
+    both = weights_in(pl.Scene([body(medium, (30, 30, 100))], points=POINTS, medium=medium))
+    for weights in (inside, both):
+        assert (weights.pixel == unbounded.pixel).all()
+        assert np.allclose(weights.weight, unbounded.weight, rtol=1e-6, atol=0)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.33])
+def test_particles_in_a_tank_lose_light_up_to_its_face(index):
+    """By Beer and Lambert. The pupil is small; what hides particles within the tank still does."""
+    camera, point, loss = (
+        bare_camera(the_lens(0.1), shape=(128, 128), pitch=0.5),
+        np.array([[60.0, -35.0, -404.0]]),
+        5e-3,
+    )
+    points = pl.Points(point, intensity=1.0)
+    tank = body(pl.materials.Medium(0.0, loss), (200, 200, 64), index=index)
+    clear, dim = (weights_in(pl.Scene(meshes, points=points), camera, points) for meshes in ((), [tank]))
+    pupil = np.array([0.0, 0.0, pl.paraxial.cardinal_points(the_lens(0.1), 587.6).entrance_pupil])
+    # 32 mm to the face, along the axis; the pupil's aberration and size change the slope by 0.1 mm / 400 mm.
+    path = 32.0 * np.linalg.norm(pupil - point) / (pupil[2] + 404.0)
+    assert abs(-math.log(dim.light[0] / clear.light[0]) / (loss * path) - 1) < 1e-4
+    screen = pl.quad((-50, -100, -380), (150, 0, 0), (0, 200, 0))
+    assert not weights_in(pl.Scene([tank, screen]), camera, points).light.any()
+    glass = pl.sphere(10.0, center=point[0], material=pl.Dielectric(1.5))
+    with pytest.raises(pl.errors.SceneError, match="inside a body of glass"):
+        weights_in(pl.Scene([tank, glass]), camera, points)
+
+
+@pytest.mark.parametrize(
+    ("start", "paths"), [(None, (6.0, 9.0, 10.0)), (-14.0, (6.0, 9.0, 10.0)), (-7.0, (3.0, 6.0, 7.0))]
+)
+def test_a_light_sheet_is_weakened_by_the_bodies_that_it_crosses(start, paths):
+    """From the face of a tank at x = -10, or from its start within the tank, to particles in and behind it."""
+    loss = np.array([0.02, 0.05, 0.1])
+    sheet = pl.lights.Sheet((0, 0, -404), (1, 0, 0), (0, 0, 1), thickness=2.0, irradiance=1e3, start=start)
+    points = pl.Points([(x, 0.0, -404.0) for x in (-4.0, -1.0, 5.0)], diameter=0.1, sheet=sheet)
+    tank = body(pl.materials.Medium(tuple(loss)), (10.0, 20.0, 20.0), (-5.0, 0.0, -404.0))
+    medium = None if start is None else pl.materials.Medium(0.001)
+    traced = particle_scene(points, BARE, pl.Scene([tank], points=points, medium=medium), 0)
+    lit = points.intensities((0.0, 0.0, 0.0))
+    outside = np.array([0.0, 0.0, 5.0]) if start == -7.0 else np.array([4.0, 4.0, 9.0])
+    depth = np.multiply.outer(paths, loss) + (0.0 if start is None else 0.001 * outside[:, None])
+    assert lit.all() and np.allclose(traced.intensity * traced.hue, lit[:, None] * np.exp(-depth), rtol=1e-9)

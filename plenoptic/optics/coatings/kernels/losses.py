@@ -2,83 +2,93 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device
 from plenoptic.optics.element_record import ASPHERE, CONIC, FREEFORM, SPHERE
 from plenoptic.optics.lens.kernels.mirror import normal_at
+from plenoptic.optics.lens.kernels.paths import distance_from
+from plenoptic.optics.lens.kernels.spherical_refraction import COS2, DISTANCE
+
+DEPTH, START, ROWS = 2, 3, 9
+"""Rows of the workspace of a block behind those of `spherical_refraction`: optical depth of all glasses so far, and
+position and direction of rays in front of a surface that is no sphere."""
 
 
 @device
-def weaken(ray, lens, k, waves, first, index_ratios, places):
+def weaken(ray, lens, k, waves, first, index_ratios, workspace):
     """Multiply weights by the transmittance of the surface in row k, whose vertex is the origin, behind refraction.
 
-    Tables go by the squared cosine in the medium of the lower index: that of the refracted ray, or by Snell's law that
-    of the incident one. Lost rays, whose numbers may be nan, take a cosine of 0. `places` (BLOCK,) is a workspace:
-    several short loops are vectorised, one long loop is not.
+    Tables go by the squared cosine in the medium of the lower index. `refract_sphere` stores it in the workspace (ROWS,
+    BLOCK); for other surfaces it is that of the refracted ray, or by Snell's law that of the incident one. Lost rays,
+    whose numbers may be nan, take a cosine of 0. Several short loops are vectorised, one long loop is not.
     """
-    row = lens.rows[k]
-    if row.kind == SPHERE:
-        c = row.curvature
-        for i in range(BLOCK):
-            l, m, n = ray[L + i], ray[M + i], ray[N + i]
-            projection = n - c * (ray[X + i] * l + ray[Y + i] * m + ray[Z + i] * n)
-            places[i] = projection * projection
-    elif row.kind == CONIC or row.kind == ASPHERE or row.kind == FREEFORM:
+    row, cos2 = lens.rows[k], workspace[COS2]
+    if row.kind == CONIC or row.kind == ASPHERE or row.kind == FREEFORM:
         for i in range(BLOCK):
             nx, ny, nz = normal_at(ray[X + i], ray[Y + i], ray[Z + i], lens, k)
             projection = nx * ray[L + i] + ny * ray[M + i] + nz * ray[N + i]
-            places[i] = projection * projection / (nx * nx + ny * ny + nz * nz)
-    else:
+            cos2[i] = projection * projection / (nx * nx + ny * ny + nz * nz)
+        for i in range(BLOCK):
+            mu = row.index_ratio if index_ratios is None else index_ratios[i]
+            cos2[i] = cos2[i] if mu >= 1.0 else 1.0 - (1.0 - cos2[i]) * (1.0 / (mu * mu))
+    elif row.kind != SPHERE:
         return
     table = lens.losses.transmittance[k]
-    intervals = table.shape[1] - 1
+    intervals = table.shape[1] - 2
     for i in range(BLOCK):
-        mu = row.index_ratio if index_ratios is None else index_ratios[i]
-        cos2 = places[i] if mu >= 1.0 else 1.0 - (1.0 - places[i]) * (1.0 / (mu * mu))
-        places[i] = min(cos2 if cos2 > 0.0 else 0.0, 1.0) * intervals
+        cos2[i] = intervals * min(cos2[i] if cos2[i] > 0.0 else 0.0, 1.0)
     if waves is None:
         column = table[0]
         for i in range(BLOCK):
-            node = min(np.int32(places[i]), np.int32(intervals - 1))
+            node = np.int32(cos2[i])
             low = column[node]
-            ray[WEIGHT + i] *= low + (places[i] - node) * (column[node + np.int32(1)] - low)
+            ray[WEIGHT + i] *= low + (cos2[i] - node) * (column[node + np.int32(1)] - low)
     else:
         for i in range(BLOCK):
-            node, wave = min(np.int32(places[i]), np.int32(intervals - 1)), waves[first + i]
+            node, wave = np.int32(cos2[i]), waves[first + i]
             low = table[wave, node]
-            ray[WEIGHT + i] *= low + (places[i] - node) * (table[wave, node + np.int32(1)] - low)
+            ray[WEIGHT + i] *= low + (cos2[i] - node) * (table[wave, node + np.int32(1)] - low)
 
 
 @device
-def begin_depth(gap):
-    """Initialise the optical depths of a block of rays; `gap` is (7, BLOCK)."""
+def fill_distances(ray, workspace):
+    """Fill the distances from the points in rows START on to the intersections."""
     for i in range(BLOCK):
-        gap[6, i] = 0.0
+        workspace[DISTANCE, i] = distance_from(workspace[START:], ray, i)
 
 
 @device
-def store_ray(gap, ray):
-    """Store positions and directions of rays before their propagation to an element, in its axes."""
-    for row in range(6):
+def add_depth(workspace, attenuation, waves, first):
+    """Add attenuation (wavelengths,) times the distance to the intersections."""
+    if waves is None:
+        per_mm = attenuation[0]
         for i in range(BLOCK):
-            gap[row, i] = ray[row * BLOCK + i]
+            workspace[DEPTH, i] += per_mm * workspace[DISTANCE, i]
+    else:
+        for i in range(BLOCK):
+            workspace[DEPTH, i] += attenuation[waves[first + i]] * workspace[DISTANCE, i]
 
 
 @device
-def add_depth(gap, ray, attenuation, waves, first):
-    """Add attenuation (wavelengths,) times the distance from the stored points to the intersections."""
-    for i in range(BLOCK):
-        x, y, z = ray[X + i] - gap[0, i], ray[Y + i] - gap[1, i], ray[Z + i] - gap[2, i]
-        wave = 0 if waves is None else waves[first + i]
-        gap[6, i] += attenuation[wave] * (x * gap[3, i] + y * gap[4, i] + z * gap[5, i])
+def absorb(ray, workspace):
+    """Multiply weights by the internal transmittance of all glasses, exp(-depth) = exp(-depth / 256)^256.
 
-
-@device
-def absorb(ray, gap):
-    """Multiply weights by the internal transmittance of all glasses."""
+    The Taylor polynomial is exact to rounding up to a depth of 64, where all light is absorbed; unlike math.exp, it is
+    vectorised.
+    """
     for i in range(BLOCK):
-        ray[WEIGHT + i] *= math.exp(-gap[6, i])
+        x = -min(workspace[DEPTH, i], 64.0) * (1.0 / 256.0)
+        p = 1.0 + x * (1.0 / 9.0) * (1.0 + x * (1.0 / 10.0) * (1.0 + x * (1.0 / 11.0)))
+        p = 1.0 + x * (1.0 / 5.0) * (1.0 + x * (1.0 / 6.0) * (1.0 + x * (1.0 / 7.0) * (1.0 + x * (1.0 / 8.0) * p)))
+        p = 1.0 + x * (1.0 + x * 0.5 * (1.0 + x * (1.0 / 3.0) * (1.0 + x * 0.25 * p)))
+        p *= p
+        p *= p
+        p *= p
+        p *= p
+        p *= p
+        p *= p
+        p *= p
+        p *= p
+        ray[WEIGHT + i] *= p

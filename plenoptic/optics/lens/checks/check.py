@@ -55,8 +55,7 @@ def findings(lens: LensStack, wavelength: float = 587.6) -> Findings:
 
 def overlaps(lens: LensStack) -> Iterator[Finding]:
     """Findings about neighbouring elements that cross, without tracing."""
-    found = (finding for check in (_edges, _collisions) for finding in check(lens))
-    return (finding for finding in found if finding.kind is FindingKind.OVERLAP)
+    return (each for check in (_edges, _collisions) for each in check(lens) if each.kind is FindingKind.OVERLAP)
 
 
 def _surfaces(lens: LensStack) -> list[tuple[int, Surface]]:

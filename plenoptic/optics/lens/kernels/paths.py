@@ -18,17 +18,22 @@ def begin_path(path, ray):
 
 
 @device
-def store_start(path, ray):
-    """Store positions and directions of rays before their propagation to an element, in its axes."""
+def store_start(start, ray):
+    """Store positions and directions of rays in (6, BLOCK), before their propagation to an element, in its axes."""
     for row in range(6):
         for i in range(BLOCK):
-            path.start[row, i] = ray[row * BLOCK + i]
+            start[row, i] = ray[row * BLOCK + i]
+
+
+@device
+def distance_from(start, ray, i):
+    """Distance in mm of ray i from the stored point to the intersection with the element."""
+    x, y, z = ray[X + i] - start[0, i], ray[Y + i] - start[1, i], ray[Z + i] - start[2, i]
+    return x * start[3, i] + y * start[4, i] + z * start[5, i]
 
 
 @device
 def add_path(path, ray, k):
     """Add the optical path length from the stored points to the intersections with element k."""
-    index, start = path.indices[k], path.start
     for i in range(BLOCK):
-        x, y, z = ray[X + i] - start[0, i], ray[Y + i] - start[1, i], ray[Z + i] - start[2, i]
-        path.length[i] += index * (x * start[3, i] + y * start[4, i] + z * start[5, i])
+        path.length[i] += path.indices[k] * distance_from(path.start, ray, i)

@@ -20,6 +20,12 @@ from plenoptic.core.kernels.ray_blocks import (
 )
 from plenoptic.core.numba.jit import device
 
+COS2, DISTANCE = 0, 1
+"""Rows that `refract_sphere` stores for the losses of rays."""
+
+UNLIMITED = math.inf, math.inf
+"""Limits of a surface without rim and equator; see `refract_sphere`."""
+
 
 @device
 def _quotients(a, b, c, d):
@@ -31,14 +37,16 @@ def _quotients(a, b, c, d):
 
 
 @device
-def refract_sphere(ray, c, index_ratio, index_ratios, semi_diameter2, max_depth, s, code):
+def refract_sphere(ray, c, index_ratio, index_ratios, limits, s, code, losses):
     """Refract rays at one sphere or plane of curvature c in 1/mm, whose vertex is the origin of the rays' z.
 
     The ray starts at its point closest to the vertex, so F and G suffer no cancellation on flat surfaces, tiny radii or
     distant origins. `s` is the direction of travel along the stack. `index_ratio` holds for all rays, unless
-    `index_ratios` has one for each. `max_depth` is the largest c z of the surface: 1 at the equator. A ray whose only
-    intersections lie deeper misses the surface.
+    `index_ratios` has one for each. `limits` are the squared semi-diameter and the largest c z of the surface: 1 at the
+    equator. A ray whose only intersections lie deeper misses the surface. If not None, `losses` (2 or more, BLOCK) gets
+    the squared cosine in the medium of the lower index, and the distance in mm to the intersection.
     """
+    semi_diameter2, max_depth = limits
     for i in range(BLOCK):
         mu = index_ratio if index_ratios is None else index_ratios[i]
         x, y, z = ray[X + i], ray[Y + i], ray[Z + i]
@@ -56,6 +64,9 @@ def refract_sphere(ray, c, index_ratio, index_ratios, semi_diameter2, max_depth,
         cos2 = 1.0 - mu * mu * (1.0 - q2)
         cos_t = math.sqrt(max(cos2, 0.0))
         t, a = _quotients(f if along else g - s * q, divisor, s * (1.0 - mu * mu), cos_t + mu * q)
+        if losses is not None:
+            losses[COS2, i] = min(q2, cos2)
+            losses[DISTANCE, i] = e + t
         x += t * l
         y += t * m
         z += t * n

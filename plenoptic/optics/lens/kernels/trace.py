@@ -8,7 +8,7 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, CAUSES, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.coatings.kernels.losses import absorb, add_depth, begin_depth, store_ray, weaken
+from plenoptic.optics.coatings.kernels.losses import DEPTH, ROWS, START, absorb, add_depth, fill_distances, weaken
 from plenoptic.optics.element_record import ASPHERE, CIRCLE, CONIC, FREEFORM, IDEAL, SPHERE
 from plenoptic.optics.lens.kernels.aspheric_refraction import refract_asphere, refract_conic
 from plenoptic.optics.lens.kernels.conditioning_probes import (
@@ -78,13 +78,12 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
 
     With `waves`, each ray has its own wavelength: waves[first + i] is the column of `lens.index_ratios` for ray i of
     the block. `index_ratios` (BLOCK,) is then a buffer. With `probes` (elements, PROBE_ROWS, BLOCK), the conditioning
-    is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights lose reflected light.
+    is recorded. With `path`, optical path lengths are computed. With `lens.losses`, weights lose reflected and absorbed
+    light.
     """
     if lens.losses is not None:
-        places = np.empty(BLOCK)
-        if lens.losses.attenuation is not None:
-            gap_start = np.empty((7, BLOCK))
-            begin_depth(gap_start)
+        losses = np.empty((ROWS, BLOCK))
+        losses[DEPTH] = 0.0
     if path is not None:
         begin_path(path, ray)
     if probes is not None:
@@ -110,14 +109,18 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
         if probes is not None:
             store_incident(incident, probes[k], ray)
         if path is not None:
-            store_start(path, ray)
+            store_start(path.start, ray)
         if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
-            if lens.losses.attenuation is not None and lens.losses.absorbing[k]:
-                store_ray(gap_start, ray)
+            if lens.losses.attenuation is not None and lens.losses.absorbing[k] and rows[k].kind != SPHERE:
+                store_start(losses[START:], ray)
         row, code = rows[k], CAUSES * (rows[k].surface_index + 1.0)
         if row.kind == SPHERE:
             c, mu = row.curvature, row.index_ratio
-            refract_sphere(ray, c, mu, index_ratios, row.semi_diameter2, row.max_depth, s, code)
+            limits = row.semi_diameter2, row.max_depth
+            if lens.losses is None:
+                refract_sphere(ray, c, mu, index_ratios, limits, s, code, None)
+            else:
+                refract_sphere(ray, c, mu, index_ratios, limits, s, code, losses)
         elif row.kind == IDEAL:
             refract_ideal(ray, row.curvature, row.index_ratio, index_ratios, row.max_depth)
         elif row.kind != CONIC and row.kind != ASPHERE and row.kind != FREEFORM:
@@ -139,12 +142,14 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
             add_path(path, ray, k)
         if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.losses.attenuation is not None and lens.losses.absorbing[k]:
-                add_depth(gap_start, ray, lens.losses.attenuation[k], waves, first)
+                if row.kind != SPHERE:
+                    fill_distances(ray, losses)
+                add_depth(losses, lens.losses.attenuation[k], waves, first)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
             if lens.mirrors[k, MOVED] != 0.0:
                 reflect(ray, lens, k)
         if lens.losses is not None:
-            weaken(ray, lens, k, waves, first, index_ratios, places)
+            weaken(ray, lens, k, waves, first, index_ratios, losses)
         if probes is not None:
             _record_element(probes, incident, ray, lens, k, index_ratios)
         if lens.mirrors is not None:  # noqa: SIM102 - nested for compile-time pruning
@@ -155,7 +160,7 @@ def trace_block(ray, lens, waves, first, index_ratios, probes, path):
                 out_of_frame(ray, lens.frames[k])
     if lens.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
         if lens.losses.attenuation is not None:
-            absorb(ray, gap_start)
+            absorb(ray, losses)
     _leave(ray, rows[rows.size - 1].z)
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,9 @@ _SMALL_DISC = 2.0**-7
 """Displacement of the beams of a disc over the size of the pupil up to which it needs no search: outlines are wider."""
 _LONGEST = 1e150
 """Coordinate in mm up to which points share outlines."""
+
+Outlines: TypeAlias = dict[tuple[float, ...], Floats]
+"""Supports (SIDES,) of the pupil's outline at corners of simplices of object space."""
 
 
 class Entrance(NamedTuple):
@@ -143,10 +147,13 @@ def _outline(where: Entrance, point: Floats) -> Outline:
         return light_outline(PupilRays(where.parts, point, where.z), guesses, rim, _FINE)
 
 
-def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = None) -> Floats:
+def entrance_polygons(
+    where: Entrance, points: Floats, radius: Floats | None = None, outlines: Outlines | None = None
+) -> Floats:
     """Corners (n, SIDES, 2) of polygons as of `entrance_polygon` for points (n, 3); nan if dark.
 
-    With `radius` (n,) they are around all rays from discs around the points, each of which faces the ray.
+    With `radius` (n,) they are around all rays from discs around the points, each of which faces the ray. `outlines`
+    are those of earlier calls with the same entrance, and get those that this one adds.
 
     Object space is divided into simplices, and the polygon of a point is the union of the outlines at the corners of
     its simplex, as they lie on the plane of the entrance pupil. Points with light at the edge of that polygon have
@@ -157,8 +164,8 @@ def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = N
     polygons, is_dark = np.full((len(points), SIDES, 2), np.nan), np.zeros(len(points), bool)
     # The squares of more distant points may overflow.
     near = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) < _LONGEST)
-    radii = None if radius is None else radius[near]
-    polygons[near], is_dark[near] = _polygons_of_simplices(where, points[near], radii)
+    radii, outlines = None if radius is None else radius[near], {} if outlines is None else outlines
+    polygons[near], is_dark[near] = _polygons_of_simplices(where, points[near], radii, outlines)
     for k in np.flatnonzero(np.isnan(polygons[:, 0, 0]) & ~is_dark):
         size = 0.0 if radius is None else float(radius[k])
         corners = _disc_polygon(where, points[k], size) if size else entrance_polygon(where, points[k])
@@ -167,7 +174,9 @@ def entrance_polygons(where: Entrance, points: Floats, radius: Floats | None = N
     return polygons
 
 
-def _polygons_of_simplices(where: Entrance, points: Floats, radius: Floats | None) -> tuple[Floats, NDArray[np.bool_]]:
+def _polygons_of_simplices(
+    where: Entrance, points: Floats, radius: Floats | None, outlines: Outlines
+) -> tuple[Floats, NDArray[np.bool_]]:
     """Corners (n, SIDES, 2) of polygons around the outlines at the corners of each point's simplex, nan without one;
     and True (n,) for points amid dark simplices.
     """
@@ -185,7 +194,8 @@ def _polygons_of_simplices(where: Entrance, points: Floats, radius: Floats | Non
     # Displacement of the beam along the lens and its change in size, over that of the pupil.
     scale = _REGION * np.array([size / span, 1.0, size / span])
     place = np.column_stack([local.real / distance, span / distance, local.imag / distance]) / scale
-    supports = _largest_supports(where, (z, span), scale, place[:, :2] if is_centred else place)
+    support_at = functools.partial(_kept_support, outlines, functools.partial(_corner_support, where, (z, span), scale))
+    supports = _largest_supports(support_at, place[:, :2] if is_centred else place)
     is_dark[rows] = np.isneginf(supports[:, 0])
     if radius is not None:  # points of a disc are in the cubes around that of its centre
         is_dark[rows] &= radius[rows] * np.hypot(1.0, np.abs(across) / distance) < distance * scale[0]
@@ -220,14 +230,20 @@ def _are_dark(where: Entrance, points: Floats, ends: Floats) -> NDArray[np.bool_
     return np.asarray((trace_record(where.lens, rays, threads=1).status != 0).reshape(ends.shape[:2]).all(axis=1))
 
 
-def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats, place: Floats) -> Floats:
-    """Largest supports (n, SIDES) on the plane of the pupil of the outlines at the corners of simplices around points
-    `place` (n, 2) or (n, 3); nan if one is dark, has parts or cannot be seen. `pupil` is its z and the lens's length.
+def _kept_support(outlines: Outlines, support_at: Callable[..., Floats], *corner: float) -> Floats:
+    """Support at a corner, computed if it is not among the outlines, to which it is added."""
+    if corner not in outlines:
+        outlines[corner] = support_at(*corner)
+    return outlines[corner]
 
-    They are -inf if the corners of the cube and of all cubes around it are dark. `place` is x, nearness and y over
-    `scale`: slopes from the pupil to the point, and length over distance.
+
+def _largest_supports(support_at: Callable[..., Floats], place: Floats) -> Floats:
+    """Largest supports (n, SIDES) on the plane of the pupil of the outlines at the corners of simplices around points
+    `place` (n, 2) or (n, 3); nan if one is dark, has parts or cannot be seen.
+
+    They are -inf if the corners of the cube and of all cubes around it are dark. `place` is x, nearness and y over the
+    size of cubes: slopes from the pupil to the point, and length over distance.
     """
-    support_at = functools.cache(functools.partial(_corner_support, where, pupil, scale))
     first = np.floor(place)
     # The paths from the first corner of a cube to the last one, along the axes in the order of the fractional parts.
     steps = np.argsort(first - place, axis=1, kind="stable")[:, :, None] == np.arange(place.shape[1])
@@ -239,8 +255,8 @@ def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats
     largest[is_dark.any(axis=1)] = np.nan
     rows = np.flatnonzero(is_dark.all(axis=1))
     cubes, number = np.unique(first[rows], axis=0, return_inverse=True)
-    around = [itertools.product(*(range(int(k) - 1, int(k) + 3) for k in cube)) for cube in cubes]
-    amid_dark = [all(np.isneginf(support_at(*map(float, corner))[0]) for corner in block) for block in around]
+    blocks = [itertools.product(*(range(int(k) - 1, int(k) + 3) for k in cube)) for cube in cubes]
+    amid_dark = [all(np.isneginf(support_at(*map(float, corner))[0]) for corner in block) for block in blocks]
     largest[rows[np.array(amid_dark, bool)[number.ravel()]]] = -np.inf
     return np.asarray(largest)
 
@@ -248,7 +264,10 @@ def _largest_supports(where: Entrance, pupil: tuple[float, float], scale: Floats
 def _corner_support(
     where: Entrance, pupil: tuple[float, float], scale: Floats, x: float, nearness: float, y: float = 0.0
 ) -> Floats:
-    """Support (SIDES,) of the outline at a corner; -inf if dark, nan if it has parts or cannot be seen."""
+    """Support (SIDES,) of the outline at a corner; -inf if dark, nan if it has parts or cannot be seen.
+
+    `pupil` is its z and the lens's length.
+    """
     z, span = pupil
     behind = span / max(nearness * float(scale[1]), _FARTHEST)
     if not z - behind < where.z:
@@ -260,16 +279,29 @@ def _corner_support(
     return np.asarray((outline.support - (1.0 - fraction) * (normals_of(SIDES) @ point[:2])) / fraction)
 
 
+def rim_polygons(where: Entrance, points: Floats, radius: Floats | None = None) -> Floats:
+    """Corners (n, 4, 2) on the plane of the entrance of rectangles around all rays to the first element of an exact
+    lens, from points (n, 3) or discs around them.
+    """
+    low, high = _rim_box(where, points)
+    if radius is not None:
+        size = _radius_in_plane(np.stack([low, high], axis=1), where.z, points, radius)[:, None]
+        low, high = low - size, high + size
+    return np.stack([low, np.column_stack([high[:, 0], low[:, 1]]), high, np.column_stack([low[:, 0], high[:, 1]])], 1)
+
+
 def _rim_box(where: Entrance, point: Floats) -> tuple[Floats, Floats]:
-    """Bounding box of all rays that can pass the first element, or the opening of an ideal lens."""
-    height = where.z - point[2]
+    """Bounding box of all rays that can pass the first element, or the opening of an ideal lens, from a point (3,); or
+    boxes (n, 2) of points (n, 3), not of ideal lenses.
+    """
+    height = where.z - point[..., 2:]
     if IDEAL in where.lens.rows["kind"]:
         centre, reach = _ideal_opening(where.lens, point)
         return centre - reach, centre + reach
     sides = []
     for depth in (0.0, where.depth):
         fraction = height / (height + depth)
-        middle = point[:2] + fraction * (where.centre - point[:2])
+        middle = point[..., :2] + fraction * (where.centre - point[..., :2])
         sides += [middle - fraction * where.reach, middle + fraction * where.reach]
     return np.min(sides, axis=0), np.max(sides, axis=0)
 

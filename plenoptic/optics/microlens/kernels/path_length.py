@@ -13,7 +13,7 @@ from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_
 @device
 def start_path(path, ray, z):
     """Store the state of rays before a side with its vertex at z, which becomes the origin of z."""
-    store_start(path, ray)
+    store_start(path.start, ray)
     for i in range(BLOCK):
         path.start[2, i] = ray[Z + i] - z
 

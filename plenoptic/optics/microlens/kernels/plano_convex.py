@@ -25,7 +25,7 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.lens.kernels.spherical_refraction import refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, is_open, weigh
 
 
@@ -144,7 +144,7 @@ def _refract_curved_side(ray, lenslets, power, flat, bow, mu, mus):
     elif flat:
         refract_flat_block(ray, bow[0] * power * bow[1], mu, mus, -1.0)
     else:
-        refract_sphere(ray, bow[0] * power * bow[1], mu, mus, math.inf, math.inf, -1.0, 0.0)
+        refract_sphere(ray, bow[0] * power * bow[1], mu, mus, UNLIMITED, -1.0, 0.0, None)
 
 
 @device
@@ -192,11 +192,11 @@ def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, wa
             _refract_curved_side(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering)
             _keep_inside(ray, lenses, centre, edges)
         else:
-            refract_sphere(ray, 0.0, 1.0 / index, entering, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, 1.0 / index, entering, UNLIMITED, -1.0, 0.0, None)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_sphere(ray, 0.0, index, leaving, math.inf, math.inf, -1.0, 0.0)
+            refract_sphere(ray, 0.0, index, leaving, UNLIMITED, -1.0, 0.0, None)
         else:
             _refract_curved_side(ray, lenses, power, flat, (1.0, scale), index, leaving)
             _keep_inside(ray, lenses, centre, edges)

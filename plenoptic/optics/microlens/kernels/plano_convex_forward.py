@@ -23,7 +23,7 @@ from plenoptic.core.kernels.ray_blocks import (
 )
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
-from plenoptic.optics.lens.kernels.spherical_refraction import refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.path_length import add_height, start_path, store_lenses
@@ -122,7 +122,7 @@ def _refract_curved_side(ray, lens_rows, c, mu, flat, array):
         refract_flat_block(ray, c, mu, None, 1.0)
         _weigh_tilt(ray, c, True)
     else:
-        refract_sphere(ray, c, mu, None, math.inf, math.inf, 1.0, 0.0)
+        refract_sphere(ray, c, mu, None, UNLIMITED, 1.0, 0.0, None)
         _keep_inside(ray, array.cell)
     _shift(ray, lens_rows, 1.0)
 
@@ -153,7 +153,7 @@ def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
     if not curved_first:
         if path is not None:
             add_path(path, ray, 0)
-        refract_sphere(ray, 0.0, 1.0 / index, None, math.inf, math.inf, 1.0, 0.0)
+        refract_sphere(ray, 0.0, 1.0 / index, None, UNLIMITED, 1.0, 0.0, None)
         if path is not None:
             start_path(path, ray, thickness)
         to_plane(ray, thickness)
@@ -170,7 +170,7 @@ def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
             start_path(path, ray, thickness)
         for i in range(BLOCK):
             ray[Z + i] -= thickness
-        refract_sphere(ray, 0.0, index, None, math.inf, math.inf, 1.0, 0.0)
+        refract_sphere(ray, 0.0, index, None, UNLIMITED, 1.0, 0.0, None)
         if path is not None:
             add_path(path, ray, 1)
 

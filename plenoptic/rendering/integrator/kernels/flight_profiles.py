@@ -37,14 +37,14 @@ def no_profile():
 def point_profile(to_light, direction, extent, begin, end):
     """The profile of a point of a light of an extent in mm, seen from the start of a ray.
 
-    On a ray that is nearer than the extent, the light of all points is not that of this one, and there is no profile.
+    On a ray that is nearer than twice the extent, the light of all points is not that of this one: no profile.
     """
     centre = dot(to_light, direction)
     off = sub(to_light, scale(direction, centre))
-    width2 = dot(off, off)
-    if not width2 > extent * extent:
+    width2, least2 = dot(off, off), 4.0 * extent * extent
+    if not width2 > least2:
         return no_profile()
-    width, probability = math.sqrt(width2), _LARGEST_PROBABILITY * (1.0 - extent * extent / width2)
+    width, probability = math.sqrt(width2), _LARGEST_PROBABILITY * (1.0 - least2 / width2)
     last = 0.5 * math.pi if end == math.inf else arctan2(end - centre, width)
     return EQUIANGULAR, probability, centre, width, arctan2(begin - centre, width), last
 

@@ -39,38 +39,8 @@ from plenoptic.scene.lights.light_records import (
 )
 from plenoptic.scene.materials.kernels.absorption import innermost
 
-DISTANCE, OVER_DENSITY = 0, 1
-"""Rows of points on flights: distance from the flight's start in mm, and 1 / density in mm."""
-
-
-@kernel
-def list_flights(points, flights, queue, media, wavelengths):
-    """Fill the rays that fly in a scattering medium, and their chance to scatter; return their number."""
-    reach, chance = flights.reach, flights.chance
-    ray, path = points.ray, points.path
-    throughput, scattering = queue.throughput, media.scattering
-    random, light_random = points.random, flights.light_random
-    waves = wavelengths.number
-    basis = wavelengths.basis
-    count = 0
-    for i in range(reach.size):
-        chance[i] = 0.0
-        inside = innermost(queue.media[i])
-        if inside < 0 or not reach[i] > 0.0:
-            continue
-        wave = wavelength_index(waves, queue.path[i])
-        total, scattered = 0.0, 0.0
-        for c in range(throughput.shape[1]):
-            coefficient = row_channel(scattering, inside, c, basis, wave)
-            total += throughput[i, c]
-            if coefficient > 0.0:
-                scattered -= throughput[i, c] * math.expm1(-coefficient * reach[i])
-        if scattered > 0.0:
-            chance[i] = scattered / total
-            ray[count], path[count] = i, queue.path[i]
-            random[0, count], random[1, count] = light_random[0, i], light_random[1, i]
-            count += 1
-    return count
+DISTANCE, OVER_DENSITY, CHANCE = 0, 1, 2
+"""Rows of points on flights: distance from the flight's start in mm, 1 / density in mm, and the chance to scatter."""
 
 
 @device
@@ -85,14 +55,13 @@ def _triangle_point(areas, light, u, v):
 
 @kernel
 def draw_lit_points(points, distances, flights, queue, hits, lights, media, wavelengths):
-    """Draw points on the flights in `points` that lights may shine on; return their number.
+    """Draw points on flights that lights may shine on, at most one on each; return their number.
 
-    Rows 0 and 1 of the random numbers of `points` draw the light; row 2 of those of the flights draws the distance.
+    Bodies without a light in them have none: their surfaces block shadow rays. Rows 0 and 1 of the random numbers of
+    the light draw it, rows 2 and 3 of those of the end draw the distance.
     """
-    reach, random = flights.reach, flights.distance_random
-    rows, ray_of, path_of, lot = points.rows, points.ray, points.path, points.random
-    throughput, travelled = queue.throughput, hits.travelled
-    scattering, extinction = media.scattering, media.extinction
+    reach, random, lot = flights.reach, flights.end_random, flights.light_random
+    throughput, travelled, scattering = queue.throughput, hits.travelled, media.scattering
     cdf, items = lights.cdf, lights.items
     areas = lights.areas
     lamps = lights.points
@@ -102,9 +71,11 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
     channels = throughput.shape[1]
     coefficient, weakened = np.zeros(channels), np.zeros(channels)
     count = 0
-    for j in range(ray_of.size):
-        i = ray_of[j]
-        inside, wave = innermost(queue.media[i]), wavelength_index(waves, path_of[j])
+    for j in range(flights.ray.size):
+        i = flights.ray[j]
+        inside, wave = innermost(queue.media[i]), wavelength_index(waves, flights.path[j])
+        if media.lit[inside] == 0:
+            continue
         origin, direction = row_vector(queue.rays, i, 0), row_vector(queue.rays, i, 3)
         if travelled is not None:
             origin = sub(origin, scale(direction, travelled[i]))
@@ -124,7 +95,7 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
             if items[light].kind == SHEET:
                 sheet, largest = sheets[items[light].row], 0.0
                 for c in range(channels):
-                    largest = max(largest, row_channel(extinction, inside, c, basis, wave))
+                    largest = max(largest, row_channel(media.extinction, inside, c, basis, wave))
                 to_waist = sub((sheet.x, sheet.y, sheet.z), origin)
                 begin, end = lit_by_sheet(sheet, to_waist, direction, reach[i])
                 profile = sheet_profile(sheet, to_waist, direction, largest, begin, end)
@@ -134,18 +105,18 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
         for c in range(channels):
             coefficient[c] = 0.0
             if row_channel(scattering, inside, c, basis, wave) > 0.0:
-                coefficient[c] = row_channel(extinction, inside, c, basis, wave)
+                coefficient[c] = row_channel(media.extinction, inside, c, basis, wave)
                 weakened[c] = -math.expm1(-coefficient[c] * (end - begin))
                 total += throughput[i, c]
-        if random[2, i] < probability:
-            distance = sample_profile(profile, random[2, i] / probability)
+        if random[2, j] < probability:
+            distance = sample_profile(profile, random[2, j] / probability)
         else:
             # A channel that scatters, by its throughput.
-            chosen, left = 0, random[3, i] * total
+            chosen, left = 0, random[3, j] * total
             for c in range(channels):
                 if coefficient[c] > 0.0 and left >= 0.0:
                     chosen, left = c, left - throughput[i, c]
-            u = (random[2, i] - probability) / (1.0 - probability)
+            u = (random[2, j] - probability) / (1.0 - probability)
             distance = begin - math.log1p(-u * weakened[chosen]) / coefficient[chosen]
         distance = min(max(distance, begin), end)
         if probability > 0.0:
@@ -156,16 +127,17 @@ def draw_lit_points(points, distances, flights, queue, hits, lights, media, wave
                 left = math.exp(-coefficient[c] * (distance - begin))
                 density += fraction * coefficient[c] * left / weakened[c]
         distances[DISTANCE, count] = distance
+        distances[CHANCE, count] = flights.chance[j]
         distances[OVER_DENSITY, count] = 1.0 / density if density > 0.0 else 0.0
-        ray_of[count], path_of[count] = i, path_of[j]
-        lot[0, count], lot[1, count] = lot[0, j], lot[1, j]
-        fill_vector(rows, count, INTERACTION_POINT, add(origin, scale(direction, distance)))
+        points.ray[count], points.path[count] = i, flights.path[j]
+        points.random[0, count], points.random[1, count] = lot[0, j], lot[1, j]
+        fill_vector(points.rows, count, INTERACTION_POINT, add(origin, scale(direction, distance)))
         count += 1
     return count
 
 
 @kernel
-def fill_medium_lights(shadow, points, distances, flights, drawn, queue, media, wavelengths):
+def fill_medium_lights(shadow, points, distances, drawn, queue, media, wavelengths):
     """Fill the shadow rays from the points on flights to the drawn lights, and their light; return their number."""
     shadow_rays, shadow_path, shadow_radiance = shadow.rays, shadow.path, shadow.radiance
     lights, radiance, rows = drawn.rows, drawn.radiance, points.rows
@@ -186,7 +158,7 @@ def fill_medium_lights(shadow, points, distances, flights, drawn, queue, media, 
         pdf = phase(dot(row_vector(queue.rays, ray, 3), row_vector(lights, j, DIRECTION)), asymmetry[inside])
         factor = pdf * distances[OVER_DENSITY, j]
         if lights[j, PDF] >= 0.0:
-            factor *= weight(lights[j, PDF], pdf * flights.chance[ray])
+            factor *= weight(lights[j, PDF], pdf * distances[CHANCE, j])
         length = distances[DISTANCE, j] + math.sqrt(dot(to_light, to_light))
         brightest = 0.0
         for c in range(radiance.shape[1]):

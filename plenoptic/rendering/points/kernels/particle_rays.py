@@ -93,12 +93,11 @@ def stop_rays(blocks, blocked):
 
 
 @kernel
-def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, medium):
+def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, depth):
     """Pixels of the rays of a bundle, -1 beside the sensor or an `opening`, and their weights (n, channels).
 
     `moments` (particles, replicates, 3) get sums of w, w x, w y with w the mean over the channels, x and y in mm.
-    `screen` is rows, columns and pitch of the sensor; `medium` is the length (n,) of each ray in mm, and the extinction
-    (channels,) per mm, or None.
+    `screen` is rows, columns and pitch of the sensor; `depth` is the optical depth (n, channels) of media, or None.
     """
     rows, columns, pitch = screen
     for k in range(pixel.size):
@@ -117,8 +116,8 @@ def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, medium):
         pixel[k], mean = i * columns + c, 0.0
         for channel in range(weight.shape[1]):
             w = ray[WEIGHT + j] * batch.colour[particle, channel]
-            if medium is not None:
-                w *= math.exp(-medium[0][k] * medium[1][channel])
+            if depth is not None:
+                w *= math.exp(-depth[k, channel])
             weight[k, channel] = w
             mean += w / weight.shape[1]
         sums = moments[particle, replicate]

@@ -77,7 +77,7 @@ def advance_rays(again, rays, hits, which, keys, shadows, geometry, alpha):
             if np.float64(key >> np.uint64(11)) * _UNIT_53 < coverage:
                 continue
         distance = instance_distance(instance_to_world, instance)
-        t_next = t + _step_behind(origin, direction, t, normal, triangle, middle, distance)
+        t_next = t + step_behind(origin, direction, t, normal, triangle, middle, distance)
         if shadows is None:
             hits.travelled[i] += t_next
         else:
@@ -91,7 +91,7 @@ def advance_rays(again, rays, hits, which, keys, shadows, geometry, alpha):
 
 
 @device
-def _step_behind(origin, direction, t, normal, triangle, middle, distance):
+def step_behind(origin, direction, t, normal, triangle, middle, distance):
     """Distance along a ray from its hit at t to behind the triangle, as float32 sees it."""
     length = np.sqrt(dot(normal, normal))
     n = (normal[0] / length, normal[1] / length, normal[2] / length)
