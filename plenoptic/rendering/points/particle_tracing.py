@@ -284,7 +284,7 @@ def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardR
 def _optical_depth(
     lengths: Floats, blocks: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband
 ) -> Floats:
-    """Optical depth (n, channels) of the media along rays of given lengths (n,)."""
+    """Optical depth (n, channels) of the media along rays of given lengths (n,), and along the sheet up to them."""
     media, extinction = scene.media, band.extinction
     assert media is not None and extinction is not None
     at_lens = extinction[media.around_lens]
@@ -295,6 +295,9 @@ def _optical_depth(
         centres, entering = _segments(blocks, scene, batch)
         starts = entrance_in_world(band.record, entering)
         depth += depth_in_bodies(media, extinction - at_lens, (starts, centres), media.at_lens)
+    if scene.sheet_lengths is not None:
+        before = scene.sheet_lengths[batch.number] @ extinction
+        depth += np.repeat(before, batch.replicates * batch.each, axis=0)
     return np.asarray(depth)
 
 
