@@ -236,6 +236,7 @@ class Scene:
         """The scene moved by an affine map, p' = M p: meshes, lights, views, particles and the environment.
 
         Radiance and irradiance stay as they are: intensities of points and spots grow with the square of the scale.
+        Coefficients of media and of glass stay, too: they are per mm, and a smaller scene is clearer.
 
         Parameters
         ----------

@@ -81,7 +81,8 @@ class MicrolensArray:
     medium : Medium, optional
         Material of the lenses, anything that `Surface` accepts; `index` is then its index at 587.6 nm and is left
         out. Surfaces keep their curvature, so that the power is proportional to index - 1; a PINHOLE has no power.
-        None: the index is the same at all wavelengths.
+        Like `index` it counts as relative to the medium behind the main lens: a glass of a catalogue is right in air
+        only. None: the index is the same at all wavelengths.
     extent : (float, float), optional
         Width and height in mm, along x and y, of the part of the plane in which a microlens has its centre. An opaque
         frame surrounds these lenses: they are whole, and pixels that see none of them are dark. None: microlenses

@@ -17,6 +17,9 @@ from plenoptic.scene.materials.dielectric import Dielectric
 from plenoptic.scene.scene import Scene
 from plenoptic.scene.scene_record import box_around, build_record
 
+_LONGEST = 1e100
+"""Length in mm in place of an infinite one, whose product with an extinction of 0 is not a number."""
+
 
 class ParticleMedia(NamedTuple):
     """Media that weaken the light of particles, which goes straight through their surfaces."""
@@ -81,22 +84,26 @@ def depth_in_bodies(
     return depth
 
 
-def sheet_depth(media: ParticleMedia, sheet: Sheet, points: Floats) -> Floats:
-    """Optical depth (n, 3) of the light of a sheet from its start to points (n, 3)."""
-    lengths, outside = np.maximum(sheet.lengths_at(points), 0.0), media.extinction[-1]
-    depth = np.multiply.outer(lengths, outside) if outside.any() else np.zeros((len(points), 3))
-    if media.box is None:
-        return np.asarray(depth)
-    # Rays come from outside all bodies, and their depth before the start of the sheet is subtracted.
-    towards, extinction, nothing = (
-        sheet.directions_at(points),
-        media.extinction - outside,
-        np.full(NESTED, -1, np.int32),
-    )
-    far = 2.0 * np.linalg.norm(points - media.box.mean(axis=0), axis=1) + 2.0 * np.linalg.norm(
-        np.ptp(media.box, axis=0)
-    )
-    starts = points - far[:, None] * towards
-    depth += depth_in_bodies(media, extinction, (starts, points), nothing)
-    ends = points - np.minimum(lengths, 0.999 * far)[:, None] * towards
-    return np.asarray(depth - depth_in_bodies(media, extinction, (starts, ends), nothing))
+def sheet_lengths(media: ParticleMedia, sheet: Sheet, points: Floats) -> Floats:
+    """Lengths (n, media + 1) in mm in each medium of the light of a sheet, from its start to points (n, 3).
+
+    The last is 0 if there is no medium outside all bodies.
+    """
+    lengths = np.clip(sheet.lengths_at(points), 0.0, _LONGEST)
+    in_media, has_outside = np.zeros((len(points), len(media.extinction))), media.extinction[-1].any()
+    if media.box is not None:
+        # Rays come from outside all bodies, and their lengths before the start of the sheet are subtracted.
+        towards, each, nothing = (
+            sheet.directions_at(points),
+            np.eye(len(media.extinction)),
+            np.full(NESTED, -1, np.int32),
+        )
+        each[-1] = 0.0
+        far = 2.0 * np.linalg.norm(points - media.box.mean(axis=0), axis=1)
+        far += 2.0 * np.linalg.norm(np.ptp(media.box, axis=0))
+        starts, ends = points - far[:, None] * towards, points - np.minimum(lengths, 0.999 * far)[:, None] * towards
+        in_media += depth_in_bodies(media, each, (starts, points), nothing)
+        in_media -= depth_in_bodies(media, each, (starts, ends), nothing)
+    if has_outside:
+        in_media[:, -1] = lengths - in_media.sum(axis=1)
+    return in_media

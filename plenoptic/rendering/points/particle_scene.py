@@ -55,6 +55,8 @@ class ParticleScene(NamedTuple):
     """(n, 1) or (n, 3): what weights are multiplied by."""
     occluder: PreparedScene | None
     media: ParticleMedia | None
+    sheet_lengths: Floats | None
+    """(n, media + 1): lengths of the light of a sheet in `media`, in mm; None without a sheet or media."""
     seed: np.uint64
 
     @property
@@ -79,11 +81,13 @@ def particle_scene(
     record = diffraction_record(camera)
     in_lens_axes(record, points.positions)
     centre = _pupil_centre(record)
-    media = None
+    media = lengths = None
     if scene is not None:
-        from plenoptic.rendering.points.particle_media import particle_media, sheet_depth
+        from plenoptic.rendering.points.particle_media import particle_media, sheet_lengths
 
         media = particle_media(scene, centre)
+        if media is not None and points.sheet is not None:
+            lengths = sheet_lengths(media, points.sheet, points.positions)
     extinction = None if media is None else media.extinction
     passbands = _passbands(camera, record, extinction, _WAVELENGTHS if ghosts is None else _GHOST_WAVELENGTHS)
     if ghosts is not None:
@@ -95,16 +99,13 @@ def particle_scene(
     occluder = None if scene is None else _occluder(scene, points, centre)
     intensity = points.intensities(centre)
     columns = intensity if intensity.ndim == 2 else intensity[:, None]
-    if media is not None and points.sheet is not None:
-        columns = columns * np.exp(-sheet_depth(media, points.sheet, points.positions))
     hue = None
     if camera.sensitivity is not None or len(passbands[0].weights) > 1:
         mean = columns.mean(axis=1, keepdims=True)
         hue = np.broadcast_to(np.divide(columns, mean, out=np.ones(columns.shape), where=mean > 0), (len(points), 3))
         columns = mean
-    return ParticleScene(
-        points, np.flatnonzero(columns.any(axis=1)), passbands, hue, columns, occluder, media, np.uint64(seed)
-    )
+    lit = np.flatnonzero(columns.any(axis=1))
+    return ParticleScene(points, lit, passbands, hue, columns, occluder, media, lengths, np.uint64(seed))
 
 
 def _passbands(

@@ -30,6 +30,8 @@ MAX_RAYS = 1 << 18
 """Largest number of rays of a particle."""
 _LEAST_RAYS = 128
 """Least number of rays of a particle without a time limit."""
+_DARK_RAYS = 1 << 20
+"""Rays of particles of which none reaches the sensor before these particles count as dark."""
 _PILOT, _CANDIDATES = 64, 1024
 """Number of particles from whose errors the number of rays is chosen, and of those among which they are sought."""
 _POINTS, _TASK_RAYS = 1024, 1 << 19
@@ -81,10 +83,12 @@ class RayNumber(NamedTuple):
 def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: float = math.inf) -> RayNumber:
     """Rays of each particle, so that the standard error of its light is `target_error` of it, by a few lit particles.
 
-    The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`.
+    The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`. Particles that stay dark
+    get the least number: few rays may miss the sensor by chance, so that more of them are traced first.
     """
-    rays = whole_replicates(scene, _LEAST_RAYS)
+    rays = least = whole_replicates(scene, _LEAST_RAYS)
     pilot, polygons = _lit_particles(scene, rays, threads)
+    aimed = int(np.isfinite([polygon[:, 0, 0] for polygon in polygons]).all(axis=0).sum())
     while True:
         begin = time.perf_counter()
         tasks = _ParticleTasks(scene, pilot, RayNumber(rays), polygons)
@@ -94,10 +98,12 @@ def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: fl
         ]
         seconds = time.perf_counter() - begin
         light = np.concatenate(parts)
-        squares = light.var(axis=1, ddof=1).sum() / REPLICATES
+        squares, is_lit = light.var(axis=1, ddof=1).sum() / REPLICATES, light.any()
         is_exact = squares <= target_error**2 * np.square(light.mean(axis=1)).sum()
+        if not is_lit:
+            is_exact = not 0 < rays * aimed < _DARK_RAYS
         if is_exact or 2 * rays > MAX_RAYS or begin + 8.0 * seconds > end:
-            return RayNumber(rays, seconds / max(rays * len(pilot), 1), end)
+            return RayNumber(rays if is_lit else least, seconds / max(rays * len(pilot), 1), end)
         rays *= 2
 
 
@@ -278,7 +284,7 @@ def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardR
 def _optical_depth(
     lengths: Floats, blocks: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband
 ) -> Floats:
-    """Optical depth (n, channels) of the media along rays of given lengths (n,)."""
+    """Optical depth (n, channels) of the media along rays of given lengths (n,), and along the sheet up to them."""
     media, extinction = scene.media, band.extinction
     assert media is not None and extinction is not None
     at_lens = extinction[media.around_lens]
@@ -289,6 +295,9 @@ def _optical_depth(
         centres, entering = _segments(blocks, scene, batch)
         starts = entrance_in_world(band.record, entering)
         depth += depth_in_bodies(media, extinction - at_lens, (starts, centres), media.at_lens)
+    if scene.sheet_lengths is not None:
+        before = scene.sheet_lengths[batch.number] @ extinction
+        depth += np.repeat(before, batch.replicates * batch.each, axis=0)
     return np.asarray(depth)
 
 

@@ -66,8 +66,9 @@ class PointWeights:
     pixel : (m,) array of int
         Pixel of each entry, row times number of columns plus column.
     weight : (m, C) array
-        Solid angle in sr at the particle whose light reaches the pixel; C is 3 for cameras with a spectral sensitivity
-        of three channels, for light of the particle's own colour, otherwise 1.
+        Solid angle in sr at the particle whose light reaches the pixel, times what media leave of it, and of that of
+        the sheet; C is 3 for cameras with a spectral sensitivity of three channels, for light of the particle's own
+        colour, and in coloured media, otherwise 1.
     weight_error : (m, C) array
         Standard error of each weight.
     light, light_error : (n,) array
@@ -75,7 +76,7 @@ class PointWeights:
     centroid : (n, 2) array
         Row and column of the centroid of each particle's light on the sensor; nan without light.
     intensity : (n, 1) or (n, 3) array
-        Radiant intensities, in radiance times mm^2, by which weights are multiplied.
+        Radiant intensities without media, in radiance times mm^2, by which weights are multiplied.
     shape : (2,) array of int
         Rows and columns of the sensor.
     pitch : float
