@@ -67,7 +67,7 @@ def photon_rate(
     References
     ----------
     EMVA Standard 1288, release 3.1 (2016), section 2.1: linear signal model. Luminous efficacy: 683 lm/W (SI, 2019)
-    times V, by the fit of `sensitivities.cie_1931` within 0.01. Light of a single wavelength at the ends of V is farther
+    times V, by the fit of `sensitivities.cie_1931` within 0.01. A single wavelength at the ends of V is farther
     off: 14 % at 450 nm, 3 % at 650 nm, 5 % at 700 nm, a factor of 3 at 750 nm; give its radiance.
 
     Examples
