@@ -22,6 +22,6 @@ def __getattr__(name: str) -> object:
         from difflib import get_close_matches
 
         rooms = ("lights", "materials", "optics", "rendering", "sensor", "scene", "images", "lightfield", "aberrations")
-        there = [f"plenoptic.{room}.{name}" for room in rooms if name in dir(_load(room))]
-        similar = ", ".join(there or get_close_matches(name, __all__)) or "dir(plenoptic)"
+        places = [f"plenoptic.{room}.{name}" for room in rooms if name in dir(_load(room))]
+        similar = ", ".join(places or get_close_matches(name, __all__)) or "dir(plenoptic)"
         raise AttributeError(f"plenoptic has no {name}; see {similar}", name=name) from None

@@ -52,12 +52,12 @@ def light_balance(lens: LensStack, rays: RayBundle, *, reverse: bool = False) ->
         after, element = trace_part(lens, before, i, i, reverse=reverse), elements[i]
         ahead, behind = (i + 1, i) if reverse else (i, i + 1)
         if before is not rays:
-            met = after.origin
+            hit = after.origin
             if isinstance(element, Surface) and isinstance(element.medium, Mirror):
                 # Rays behind a mirror are those of the space unfolded at its nominal vertex.
                 vertex = np.array([0.0, 0.0, lens.vertices[i]])
-                met = vertex + (met - vertex) @ element.medium.unfolding
-            path = ((met - before.origin) * before.direction).sum(axis=1)
+                hit = vertex + (hit - vertex) @ element.medium.unfolding
+            path = ((hit - before.origin) * before.direction).sum(axis=1)
             lost = light * -np.expm1(-attenuation(media[ahead], rays.wavelength) * np.nan_to_num(path))
             light, absorbed = light - lost, absorbed + lost
         passes = after.status == 0
