@@ -31,7 +31,7 @@ _ORDERS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
 
 
 class CentralRays(NamedTuple):
-    """Rays of the pixel at the sensor's centre in front of the lens, relative to the middle of both halves' centroids.
+    """Rays of the pixel at the sensor's centre in front of the lens, relative to the centroid of its beam.
 
     Axes are those of columns and rows: x and -y.
     """
@@ -55,7 +55,8 @@ class PairGeometry:
     camera : PlenopticCamera
     coefficients : (5, 7, 7) array
         Legendre polynomials over the field by orders along rows and columns, before crosstalk: share of the left half,
-        difference of the halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
+        difference of the halves' centroids in the plane z = 0 and by z, and the centroid of the pixel's beam, all rays
+        that pass the lens, in that plane and by z.
     pupil : CentralRays
     """
 
@@ -68,9 +69,9 @@ class PairGeometry:
 
         The column of a point in the left image minus that in the right one: positive for points nearer than the plane
         in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
-        depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
-        is linear in c. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the disparity
-        and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
+        depth, and X(c), that of the pixel's whole beam, it is (X_R - X_L) / (dX/dc): the distance between the centroids
+        of both images of a point. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the
+        disparity and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
         depths, _ = broadcast(depth=depth, region=a)
@@ -107,7 +108,7 @@ class PairGeometry:
         return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
 
     def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
-        """(5, H, W) share, differences of the halves' centroids, and derivatives of their middle by columns."""
+        """(5, H, W) share, differences of the halves' centroids, and derivatives of the beam's centroid by columns."""
         rows, columns = self.camera.sensor.shape
         ends = np.array([0, rows, 0, columns]) if region is None else numbers(region, "region")
         top, bottom, left, right = ends if ends.shape == (4,) else np.zeros(4)
@@ -215,10 +216,10 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         weights /= light[:, None]
         slopes = direction[:, :2] / direction[:, 2:]
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
-        left, right = weights @ planes[..., 0].T
-        features[node] = [shares[0], *(left - right), *(0.5 * (left + right))]
+        (left, right), beam = weights @ planes[..., 0].T, planes.mean(axis=1)
+        features[node] = [shares[0], *(left - right), *beam[:, 0]]
         if node == len(nodes) // 2:
-            at_zero, by_z = (planes - (weights.mean(axis=0) @ planes)[:, None])[:, :_CENTRAL]
+            at_zero, by_z = (planes - beam[:, None])[:, :_CENTRAL]
             weights = weights[:, :_CENTRAL]
             weights *= (shares / weights.sum(axis=1))[:, None]
             pupil = CentralRays(at_zero, by_z, weights)

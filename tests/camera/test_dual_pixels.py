@@ -81,11 +81,13 @@ def inside(slope, other):
     return 0.0 if slope == 0 else slope / math.hypot(slope, other) * math.tan(math.asin(sine))
 
 
-def test_disparity_of_a_thin_lens_is_that_of_half_discs():
+@pytest.mark.parametrize("matched", [True, False])
+def test_disparity_of_a_thin_lens_is_that_of_half_discs(matched):
     # The centroid of a half disc of radius r at the distance s, whose light goes with cos^4, lies at
-    # 2/pi s (atan t - t / (1 + t^2)) (1 + t^2) / t^2 with t = r/s; t = 0.045 here. Its change over the field, of second
-    # order in t, is left out: 0.28 t^2 times the defocus over the distance, 4e-4 at most.
-    camera = camera_of(6.0, pl.LensModel.THIN)
+    # 2/pi s (atan t - t / (1 + t^2)) (1 + t^2) / t^2 with t = r/s; t = 0.045 here. The cosines of other
+    # pixels are left out, 4e-4 at most. Chief rays do not matter: the
+    # image of a point on the axis is divided along its middle with any of them.
+    camera = camera_of(6.0, pl.LensModel.THIN, matched=matched)
     geometry = pl.sensor.pair_geometry(camera)
     pupil, magnification = model_pupil(camera)
     s = camera.z_sensor - pupil
@@ -97,7 +99,7 @@ def test_disparity_of_a_thin_lens_is_that_of_half_discs():
         assert geometry.defocus(depth) == pytest.approx(image - camera.z_sensor, rel=1e-9)
         closed = 2.0 * centroid * (image - camera.z_sensor) / (image - pupil) / 0.02
         measured = geometry.disparity(depth)[32, 48]
-        assert measured == pytest.approx(closed, rel=1e-3)
+        assert measured == pytest.approx(closed, rel=4e-4)
         assert geometry.depth(measured)[32, 48] == pytest.approx(depth, rel=1e-9) or math.isinf(depth)
     assert (np.sign(geometry.disparity(300.0)) == 1).all() and (np.sign(geometry.disparity(600.0)) == -1).all()
     assert geometry.disparity(404.0) == pytest.approx(0.0, abs=2e-3)
@@ -343,6 +345,22 @@ def test_depth_of_a_pair_of_planes_within_its_stated_error():
     cropped = pl.lightfield.depth(pl.sensor.read_wells(crops), disparity_range=(-6.0, 6.0))
     same = np.isfinite(cropped.disparity)
     assert same.any() and np.nanmedian(np.abs(cropped.disparity - found.disparity[part])) < 0.02
+
+
+@pytest.mark.slow
+def test_depth_of_a_pair_whose_chief_rays_are_not_matched():
+    # The images of a point, 9 pixels wide on either side, lie on pixels whose halves get unequal light.
+    camera = camera_of(12.0, pl.LensModel.THIN, shape=(112, 112), pitch=0.1, z=-2000.0, matched=False)
+    random, side, errors = np.random.default_rng(3), 15.68, []
+    for seed in range(2):
+        material = pl.Lambertian(pl.Texture(random.uniform(0.1, 0.9, (24, 24, 3))))
+        board = pl.quad((-5 * side, -5 * side, -1000.0), (10 * side, 0, 0), (0, 10 * side, 0), material=material)
+        scene, cameras = pl.Scene([board], background=1.0), pl.sensor.well_cameras(camera)
+        shots = [pl.render(scene, each, samples=64, seed=2 * seed + k, progress=False) for k, each in enumerate(cameras)]
+        found = pl.lightfield.depth(pl.sensor.read_wells(shots), disparity_range=(1.0, 13.0))
+        errors.append((found.disparity - pl.sensor.pair_geometry(camera).disparity(1000.0))[30:-30, 30:-30])
+    # Some 18 independent windows with errors of 0.1 pixels, and the half discs of other places (see the limits).
+    assert abs(np.mean(errors)) < 0.08
 
 
 GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7)), None)

@@ -94,6 +94,11 @@ def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, in
     # Upper and lower wells of quads are taken to see the same.
     wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
     images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
+    # The division by vignetting weighs the pixels that a point reaches unevenly.
+    row, column = (n // 2 for n in geometry.camera.sensor.shape)
+    before, behind = geometry.asymmetry(region=(row, row + 1, column - 1, column + 1))[0]
+    slopes = (behind - before) / np.array([2.0 + before + behind, before + behind - 2.0]) * 2.0
+    images *= 1.0 - slopes[:, None, None] * np.fft.fftfreq(shape[1], 1.0 / shape[1])
     return np.asarray(images / images.sum(axis=(1, 2), keepdims=True))
 
 
