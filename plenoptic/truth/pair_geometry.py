@@ -49,6 +49,7 @@ class PairGeometry:
     """Disparity and light of the pairs of a camera with dual pixels, traced through its lens. See `pair_geometry`.
 
     Arrays (H, W) are those of a region of the sensor, its first and end row and column; of the whole sensor for None.
+    They are nan near and beyond the places where a half gets no light, but for an asymmetry of 1 or -1.
 
     Attributes
     ----------
@@ -58,11 +59,15 @@ class PairGeometry:
         difference of the halves' centroids in the plane z = 0 and by z, and the centroid of the pixel's beam, all rays
         that pass the lens, in that plane and by z.
     pupil : CentralRays
+    lit : (12, 12) array
+        Parts of the field: 0 where both halves get light at all corners, 1 where the left one alone does and -1 where
+        the right one, nan elsewhere.
     """
 
     camera: PlenopticCamera
     coefficients: Floats
     pupil: CentralRays
+    lit: Floats
 
     def disparity(self, depth: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Signed disparity (H, W) of pixels in pixels, for depths in mm, one or (H, W); inf is allowed.
@@ -125,15 +130,20 @@ class PairGeometry:
         by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
         by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
         share, *differences = by_row.T @ self.coefficients[:3] @ by_column
+        rows, columns = (np.minimum((0.5 * at + 0.5) * len(self.lit), len(self.lit) - 1).astype(int) for at in (v, u))
+        lit = self.lit[np.ix_(rows, columns)]
+        share = np.where(lit == 0, np.clip(share, 0.0, 1.0), 0.5 + 0.5 * lit)
+        differences = [np.where(lit == 0, difference, np.nan) for difference in differences]
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
         # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
         # that of the next pixel, a column away.
         to_left, retention, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
         crosstalk = to_left + to_right
         left, right = retention * share + crosstalk * (1.0 - share), retention * (1.0 - share) + crosstalk * share
-        factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
-        columns = to_right * (1.0 - share) / left + to_left * share / right
-        return np.stack([left, *(factor * differences - columns * slopes), *slopes])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
+            by_columns = to_right * (1.0 - share) / left + to_left * share / right
+        return np.stack([left, *(factor * differences - by_columns * slopes), *slopes])
 
 
 def _powers(at: Floats) -> Floats:
@@ -178,20 +188,29 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
     nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
     features, pupil = _trace(plain_camera, pixels, nodes)
-    lit = np.isfinite(features[:, 0])
-    if lit.sum() < 2 * len(_ORDERS) or pupil is None:
+    lit, asymmetry = np.isfinite(features[:, 1]), (2.0 * features[:, 0] - 1.0).reshape(_NODES, _NODES)
+    corners = np.stack([asymmetry[:-1, :-1], asymmetry[:-1, 1:], asymmetry[1:, :-1], asymmetry[1:, 1:]])
+    one_half = np.where(np.abs(corners.sum(axis=0)) == len(corners), corners[0], np.nan)
+    parts = np.where((np.abs(corners) < 1).all(axis=0), 0.0, one_half)
+    # As many orders as there are places.
+    rows, columns = (lit.reshape(_NODES, _NODES).any(axis=axis).sum() for axis in (1, 0))
+    orders = [(i, j) for i, j in _ORDERS if i < rows and j < columns]
+    if lit.sum() < 2 * len(_ORDERS) or pupil is None or parts[_NODES // 2, _NODES // 2] != 0:
         raise InvalidValueError(
             f"{np.sum(~lit)} of {lit.size} places on the sensor get no light in one of the halves; take a smaller "
             "sensor, or a cra nearer to the chief rays of the lens"
         )
-    terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in _ORDERS], axis=1)
+    terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in orders], axis=1)
     coefficients = np.zeros((5, _DEGREE + 1, _DEGREE + 1))
-    coefficients[:, *np.transpose(_ORDERS)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
-    return PairGeometry(camera, coefficients, pupil)
+    coefficients[:, *np.transpose(orders)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
+    return PairGeometry(camera, coefficients, pupil, parts)
 
 
 def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
-    """Features (n, 5) of nodes (n, 2) in rows and columns, nan for dark ones; and the rays of the middle one."""
+    """Features (n, 5) of nodes (n, 2) in rows and columns, and the rays of the middle one.
+
+    Where a half is dark, the share alone is finite; where both are, none.
+    """
     record = camera_record(camera)
     parts, to_local = record.parts, record.parts.sensor_to_local
     local = to_local.points(np.column_stack([camera.sensor.centre_of(*nodes.T), np.zeros(len(nodes))]))
@@ -210,9 +229,12 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         if parts.lens_to_camera is not None:
             point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
         light = weights.sum(axis=1)
-        if not (light > 0).all():
+        if not light.any():
             continue
         shares = light / light.sum()
+        features[node, 0] = shares[0]
+        if not light.all():
+            continue
         weights /= light[:, None]
         slopes = direction[:, :2] / direction[:, 2:]
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]

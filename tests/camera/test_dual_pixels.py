@@ -226,6 +226,31 @@ def test_asymmetry_at_the_edge_against_brute_force():
     assert abs(geometry.asymmetry()[20, 1]) > 0.2
 
 
+@pytest.mark.parametrize("columns", [21, 31])
+def test_asymmetry_beyond_the_light_of_a_half(columns):
+    # Chief rays that are not matched divide a pupil of radius r at the column's own x: beyond r one half is dark.
+    camera = camera_of(6.0, pl.LensModel.THIN, shape=(5, columns), pitch=1.0, matched=False)
+    geometry, radius = pl.sensor.pair_geometry(camera), 6.0 * abs(model_pupil(camera)[1])
+    x = camera.sensor.centre_of(2, np.arange(columns))[:, 0] / radius
+    inside = np.clip(x, -1.0, 1.0)
+    expected = 2.0 / math.pi * (inside * np.sqrt(1.0 - inside**2) + np.arcsin(inside))
+    asymmetry, disparity, node = geometry.asymmetry()[2], geometry.disparity(300.0)[2], columns / 12 / radius
+    known, measured = np.isfinite(asymmetry), np.isfinite(disparity)
+    # nan between two places of which one alone is lit by both halves.
+    assert known[(np.abs(x) < 1.0 - node) | (np.abs(x) > 1.0 + node)].all()
+    assert asymmetry[known] == pytest.approx(expected[known], abs=0.02)
+    assert (asymmetry[known & (np.abs(x) > 1.0)] == np.sign(x[known & (np.abs(x) > 1.0)])).all()
+    assert measured[np.abs(x) < 1.0 - node].all() and not measured[np.abs(x) > 1.0].any()
+
+
+def test_no_depth_where_a_half_is_dark():
+    camera = camera_of(6.0, pl.LensModel.THIN, shape=(40, 80), pitch=0.3, matched=False)
+    dark = np.abs(pl.sensor.pair_geometry(camera).asymmetry()) == 1.0
+    found = pl.lightfield.depth(whites(camera, 8), disparity_range=(-1.0, 1.0), window_radius=3)
+    assert dark[20, [5, -6]].all() and np.isnan(found.disparity[dark]).all()
+    assert np.isfinite(found.disparity[10:-10, 30:-30]).any()
+
+
 def test_wells_add_up_to_the_whole_pixel():
     for pixels in ({}, {"split": (2, 2), "gap": 0.002}, {"table": [[-0.4, 0.7, 0.1], [0.4, 0.2, 0.6]]}):
         camera = camera_of(12.0, shape=(12, 16), **pixels)
@@ -355,15 +380,15 @@ def test_depth_of_a_pair_whose_chief_rays_are_not_matched():
     for seed in range(2):
         material = pl.Lambertian(pl.Texture(random.uniform(0.1, 0.9, (24, 24, 3))))
         board = pl.quad((-5 * side, -5 * side, -1000.0), (10 * side, 0, 0), (0, 10 * side, 0), material=material)
-        scene, cameras = pl.Scene([board], background=1.0), pl.sensor.well_cameras(camera)
-        shots = [pl.render(scene, each, samples=64, seed=2 * seed + k, progress=False) for k, each in enumerate(cameras)]
+        scene, wells = pl.Scene([board], background=1.0), enumerate(pl.sensor.well_cameras(camera))
+        shots = [pl.render(scene, each, samples=64, seed=2 * seed + k, progress=False) for k, each in wells]
         found = pl.lightfield.depth(pl.sensor.read_wells(shots), disparity_range=(1.0, 13.0))
         errors.append((found.disparity - pl.sensor.pair_geometry(camera).disparity(1000.0))[30:-30, 30:-30])
     # Some 18 independent windows with errors of 0.1 pixels, and the half discs of other places (see the limits).
     assert abs(np.mean(errors)) < 0.08
 
 
-GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7)), None)
+GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7)), None, np.zeros((12, 12)))
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,8 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     """
     geometry, region = pair_geometry(images.camera), images.exposures[0].region
     vignetting = geometry.asymmetry(region=region)
+    lit = np.abs(vignetting) < 1.0
+    vignetting = np.where(lit, vignetting, 0.0)
     left, right = images.left.mean(axis=-1) / (1.0 + vignetting), images.right.mean(axis=-1) / (1.0 - vignetting)
     planes = _planes(*disparities)
     reach = np.array([np.abs(geometry.blur(disparity)).max() for disparity in planes])
@@ -49,7 +51,7 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     matches = _minimise(cost, planes, (2 * radius + 1) ** 2 * noise)
     row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in left.shape)
     margin = radius + np.interp(matches.disparity, planes, reach)
-    inside = np.minimum(row[:, None], column) >= margin
+    inside = (np.minimum(row[:, None], column) >= margin) & (_window_sums(np.where(lit, 0.0, 1.0), radius) == 0)
     matches = Matches(*(np.where(inside, plane, np.nan) for plane in matches))
     return matches, geometry.depth(matches.disparity, region=region)
 
