@@ -27,6 +27,7 @@ from plenoptic.optics.sensor.dual_pixels import DualPixels
 _NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
 """Nodes along each side of the sensor, degree of the polynomials through them, rays of a node, and those of the middle
 one that are kept for blur."""
+_ROUNDING = 1e-12
 _ORDERS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
 
 
@@ -79,9 +80,7 @@ class PairGeometry:
         disparity and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
-        depths, _ = broadcast(depth=depth, region=a)
-        if (depths <= 0).any():
-            raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+        depths, _ = broadcast(depth=_checked_depths(depth), region=a)
         inverse_z = -1.0 / depths
         return np.asarray(-(a * inverse_z + b) / (c * inverse_z + d))
 
@@ -89,8 +88,9 @@ class PairGeometry:
         """Depths (H, W) in mm of pixels with signed disparities, one or (H, W); nan beyond that of infinity."""
         _, a, b, c, d = self._features(region)
         pixels, _ = broadcast(disparity=disparity, region=a)
-        with np.errstate(divide="ignore"):
-            depth = (a + pixels * c) / (b + pixels * d)
+        to_infinity = b + pixels * d
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = np.where(np.abs(to_infinity) <= _ROUNDING * np.abs(b), math.inf, (a + pixels * c) / to_infinity)
         return np.where(depth > 0, depth, np.nan)
 
     def defocus(self, depth: ArrayLike) -> Floats:
@@ -99,7 +99,7 @@ class PairGeometry:
         front, rear = object_plane(lens, math.inf, wavelength), image_plane(lens, -math.inf, wavelength)
         # Newton's equation: (z - front) (z' - rear) is the same for all pairs of planes.
         product = (object_plane(lens, z_sensor, wavelength) - front) * (z_sensor - rear)
-        return np.asarray(rear - product / (numbers(depth, "depth") + front) - z_sensor)
+        return np.asarray(rear - product / (_checked_depths(depth) + front) - z_sensor)
 
     def asymmetry(self, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Vignetting asymmetry (H, W) of a white image: (left - right) / (left + right)."""
@@ -144,6 +144,13 @@ class PairGeometry:
             factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
             by_columns = to_right * (1.0 - share) / left + to_left * share / right
         return np.stack([left, *(factor * differences - by_columns * slopes), *slopes])
+
+
+def _checked_depths(depth: ArrayLike) -> Floats:
+    depths = numbers(depth, "depth")
+    if (depths <= 0).any():
+        raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+    return depths
 
 
 def _powers(at: Floats) -> Floats:

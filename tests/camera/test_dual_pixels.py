@@ -100,7 +100,9 @@ def test_disparity_of_a_thin_lens_is_that_of_half_discs(matched):
         closed = 2.0 * centroid * (image - camera.z_sensor) / (image - pupil) / 0.02
         measured = geometry.disparity(depth)[32, 48]
         assert measured == pytest.approx(closed, rel=4e-4)
-        assert geometry.depth(measured)[32, 48] == pytest.approx(depth, rel=1e-9) or math.isinf(depth)
+        assert geometry.depth(measured)[32, 48] == pytest.approx(depth, rel=1e-9)
+    infinity = geometry.disparity(math.inf)
+    assert np.isinf(geometry.depth(infinity)).all() and np.isnan(geometry.depth(infinity - 1e-3)).all()
     assert (np.sign(geometry.disparity(300.0)) == 1).all() and (np.sign(geometry.disparity(600.0)) == -1).all()
     assert geometry.disparity(404.0) == pytest.approx(0.0, abs=2e-3)
 
@@ -256,6 +258,8 @@ def test_wells_add_up_to_the_whole_pixel():
         camera = camera_of(12.0, shape=(12, 16), **pixels)
         images, whole = whites(camera), pl.render_white(camera, samples=64, progress=False)
         assert np.array_equal(images.left + images.right, images.whole)
+        text = f"WellImages({pixels.get('split', (1, 2))[0]} x 2 wells of Exposure(12 x 16 x 1, 64 samples per pixel"
+        assert repr(images).startswith(text) and len(repr(images)) < 150
         assert np.array_equal(images.wells.sum(axis=(0, 1)), images.whole)
         if "table" in pixels:  # these share their rays
             assert images.whole == pytest.approx(whole.image, rel=5e-7)  # rounding of float32
@@ -402,6 +406,7 @@ GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), crosstalk=np.ones((3, 3))), "which add up to 9"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), split=(2, 2), table=[[0, 0, 0]]), "leave split at"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), table=[[1, 0, 0], [0, 0, 0]]), "two or more angles, rising"),
+        (lambda: pl.sensor.dual_pixel(0.001, (4, 4), table=[[-9, 0, 0], [9, 0, 0]]), r"in radians: np.radians\(...\)"),
         (lambda: pl.sensor.dual_pixel(0.001, (4, 4), table=[[0, 1, 1], [1, 0, 0]]), "divide them by the largest sum"),
         (lambda: pl.sensor.well_cameras(pl.camera.example_camera()), r"make it with pl.sensor.dual_pixel"),
         (lambda: pl.sensor.pair_geometry(pl.camera.example_camera()), r"make it with pl.sensor.dual_pixel"),
@@ -414,6 +419,7 @@ GEOMETRY = pl.sensor.PairGeometry(camera_of(6.0, shape=(4, 6)), np.ones((5, 7, 7
             r"region is \(0, 9, 0, 5\); give the first and end row, .* 4 x 6",
         ),
         (lambda: GEOMETRY.disparity(-400.0), "depth holds -400 mm; it must be above 0"),
+        (lambda: GEOMETRY.defocus([300.0, -5.0]), "depth holds -5 mm; it must be above 0"),
         (lambda: pl.Sensor((4, 4), 0.01, angular_response=3), "AngularResponse, DualPixels or None"),
     ],
 )
