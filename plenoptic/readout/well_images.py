@@ -50,6 +50,10 @@ class WellImages:
         """(H, W, C) sum of all wells: left + right."""
         return self.left + self.right
 
+    def __repr__(self) -> str:
+        rows, columns = wells_of(self.camera.sensor).split
+        return f"WellImages({rows} x {columns} wells of {self.exposures[0]!r})"
+
 
 def _as_wells(camera: PlenopticCamera, images: Sequence[np.ndarray]) -> Floats:
     stack = np.stack(images).astype(np.float64)

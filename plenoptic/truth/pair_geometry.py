@@ -27,11 +27,12 @@ from plenoptic.optics.sensor.dual_pixels import DualPixels
 _NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
 """Nodes along each side of the sensor, degree of the polynomials through them, rays of a node, and those of the middle
 one that are kept for blur."""
+_ROUNDING = 1e-12
 _ORDERS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
 
 
 class CentralRays(NamedTuple):
-    """Rays of the pixel at the sensor's centre in front of the lens, relative to the middle of both halves' centroids.
+    """Rays of the pixel at the sensor's centre in front of the lens, relative to the centroid of its beam.
 
     Axes are those of columns and rows: x and -y.
     """
@@ -49,33 +50,37 @@ class PairGeometry:
     """Disparity and light of the pairs of a camera with dual pixels, traced through its lens. See `pair_geometry`.
 
     Arrays (H, W) are those of a region of the sensor, its first and end row and column; of the whole sensor for None.
+    They are nan near and beyond the places where a half gets no light, but for an asymmetry of 1 or -1.
 
     Attributes
     ----------
     camera : PlenopticCamera
     coefficients : (5, 7, 7) array
         Legendre polynomials over the field by orders along rows and columns, before crosstalk: share of the left half,
-        difference of the halves' centroids in the plane z = 0 and by z, and their middle in that plane and by z.
+        difference of the halves' centroids in the plane z = 0 and by z, and the centroid of the pixel's beam, all rays
+        that pass the lens, in that plane and by z.
     pupil : CentralRays
+    lit : (12, 12) array
+        Parts of the field: 0 where both halves get light at all corners, 1 where the left one alone does and -1 where
+        the right one, nan elsewhere.
     """
 
     camera: PlenopticCamera
     coefficients: Floats
     pupil: CentralRays
+    lit: Floats
 
     def disparity(self, depth: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Signed disparity (H, W) of pixels in pixels, for depths in mm, one or (H, W); inf is allowed.
 
         The column of a point in the left image minus that in the right one: positive for points nearer than the plane
         in focus. With X_L(c) and X_R(c), the centroids of the light of both halves of pixel c in the plane of the
-        depth, and their middle X, it is (X_R - X_L) / (dX/dc): the solution of X_L(c + d / 2) = X_R(c - d / 2) where X
-        is linear in c. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the disparity
-        and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
+        depth, and X(c), that of the pixel's whole beam, it is (X_R - X_L) / (dX/dc): the distance between the centroids
+        of both images of a point. Halves are those after crosstalk between wells: a scalar crosstalk q takes q of the
+        disparity and adds q / 2 pixels, since the wells at a pixel's sides share light with the next pixels.
         """
         _, a, b, c, d = self._features(region)
-        depths, _ = broadcast(depth=depth, region=a)
-        if (depths <= 0).any():
-            raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+        depths, _ = broadcast(depth=_checked_depths(depth), region=a)
         inverse_z = -1.0 / depths
         return np.asarray(-(a * inverse_z + b) / (c * inverse_z + d))
 
@@ -83,8 +88,9 @@ class PairGeometry:
         """Depths (H, W) in mm of pixels with signed disparities, one or (H, W); nan beyond that of infinity."""
         _, a, b, c, d = self._features(region)
         pixels, _ = broadcast(disparity=disparity, region=a)
-        with np.errstate(divide="ignore"):
-            depth = (a + pixels * c) / (b + pixels * d)
+        to_infinity = b + pixels * d
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = np.where(np.abs(to_infinity) <= _ROUNDING * np.abs(b), math.inf, (a + pixels * c) / to_infinity)
         return np.where(depth > 0, depth, np.nan)
 
     def defocus(self, depth: ArrayLike) -> Floats:
@@ -93,7 +99,7 @@ class PairGeometry:
         front, rear = object_plane(lens, math.inf, wavelength), image_plane(lens, -math.inf, wavelength)
         # Newton's equation: (z - front) (z' - rear) is the same for all pairs of planes.
         product = (object_plane(lens, z_sensor, wavelength) - front) * (z_sensor - rear)
-        return np.asarray(rear - product / (numbers(depth, "depth") + front) - z_sensor)
+        return np.asarray(rear - product / (_checked_depths(depth) + front) - z_sensor)
 
     def asymmetry(self, *, region: tuple[int, int, int, int] | None = None) -> Floats:
         """Vignetting asymmetry (H, W) of a white image: (left - right) / (left + right)."""
@@ -107,7 +113,7 @@ class PairGeometry:
         return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
 
     def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
-        """(5, H, W) share, differences of the halves' centroids, and derivatives of their middle by columns."""
+        """(5, H, W) share, differences of the halves' centroids, and derivatives of the beam's centroid by columns."""
         rows, columns = self.camera.sensor.shape
         ends = np.array([0, rows, 0, columns]) if region is None else numbers(region, "region")
         top, bottom, left, right = ends if ends.shape == (4,) else np.zeros(4)
@@ -124,15 +130,27 @@ class PairGeometry:
         by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
         by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
         share, *differences = by_row.T @ self.coefficients[:3] @ by_column
+        rows, columns = (np.minimum((0.5 * at + 0.5) * len(self.lit), len(self.lit) - 1).astype(int) for at in (v, u))
+        lit = self.lit[np.ix_(rows, columns)]
+        share = np.where(lit == 0, np.clip(share, 0.0, 1.0), 0.5 + 0.5 * lit)
+        differences = [np.where(lit == 0, difference, np.nan) for difference in differences]
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
         # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
         # that of the next pixel, a column away.
         to_left, retention, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
         crosstalk = to_left + to_right
         left, right = retention * share + crosstalk * (1.0 - share), retention * (1.0 - share) + crosstalk * share
-        factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
-        columns = to_right * (1.0 - share) / left + to_left * share / right
-        return np.stack([left, *(factor * differences - columns * slopes), *slopes])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
+            by_columns = to_right * (1.0 - share) / left + to_left * share / right
+        return np.stack([left, *(factor * differences - by_columns * slopes), *slopes])
+
+
+def _checked_depths(depth: ArrayLike) -> Floats:
+    depths = numbers(depth, "depth")
+    if (depths <= 0).any():
+        raise InvalidValueError(f"depth holds {np.nanmin(depths):g} mm; it must be above 0")
+    return depths
 
 
 def _powers(at: Floats) -> Floats:
@@ -177,20 +195,29 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
     nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
     features, pupil = _trace(plain_camera, pixels, nodes)
-    lit = np.isfinite(features[:, 0])
-    if lit.sum() < 2 * len(_ORDERS) or pupil is None:
+    lit, asymmetry = np.isfinite(features[:, 1]), (2.0 * features[:, 0] - 1.0).reshape(_NODES, _NODES)
+    corners = np.stack([asymmetry[:-1, :-1], asymmetry[:-1, 1:], asymmetry[1:, :-1], asymmetry[1:, 1:]])
+    one_half = np.where(np.abs(corners.sum(axis=0)) == len(corners), corners[0], np.nan)
+    parts = np.where((np.abs(corners) < 1).all(axis=0), 0.0, one_half)
+    # As many orders as there are places.
+    rows, columns = (lit.reshape(_NODES, _NODES).any(axis=axis).sum() for axis in (1, 0))
+    orders = [(i, j) for i, j in _ORDERS if i < rows and j < columns]
+    if lit.sum() < 2 * len(_ORDERS) or pupil is None or parts[_NODES // 2, _NODES // 2] != 0:
         raise InvalidValueError(
             f"{np.sum(~lit)} of {lit.size} places on the sensor get no light in one of the halves; take a smaller "
             "sensor, or a cra nearer to the chief rays of the lens"
         )
-    terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in _ORDERS], axis=1)
+    terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in orders], axis=1)
     coefficients = np.zeros((5, _DEGREE + 1, _DEGREE + 1))
-    coefficients[:, *np.transpose(_ORDERS)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
-    return PairGeometry(camera, coefficients, pupil)
+    coefficients[:, *np.transpose(orders)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
+    return PairGeometry(camera, coefficients, pupil, parts)
 
 
 def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
-    """Features (n, 5) of nodes (n, 2) in rows and columns, nan for dark ones; and the rays of the middle one."""
+    """Features (n, 5) of nodes (n, 2) in rows and columns, and the rays of the middle one.
+
+    Where a half is dark, the share alone is finite; where both are, none.
+    """
     record = camera_record(camera)
     parts, to_local = record.parts, record.parts.sensor_to_local
     local = to_local.points(np.column_stack([camera.sensor.centre_of(*nodes.T), np.zeros(len(nodes))]))
@@ -209,16 +236,19 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         if parts.lens_to_camera is not None:
             point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
         light = weights.sum(axis=1)
-        if not (light > 0).all():
+        if not light.any():
             continue
         shares = light / light.sum()
+        features[node, 0] = shares[0]
+        if not light.all():
+            continue
         weights /= light[:, None]
         slopes = direction[:, :2] / direction[:, 2:]
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
-        left, right = weights @ planes[..., 0].T
-        features[node] = [shares[0], *(left - right), *(0.5 * (left + right))]
+        (left, right), beam = weights @ planes[..., 0].T, planes.mean(axis=1)
+        features[node] = [shares[0], *(left - right), *beam[:, 0]]
         if node == len(nodes) // 2:
-            at_zero, by_z = (planes - (weights.mean(axis=0) @ planes)[:, None])[:, :_CENTRAL]
+            at_zero, by_z = (planes - beam[:, None])[:, :_CENTRAL]
             weights = weights[:, :_CENTRAL]
             weights *= (shares / weights.sum(axis=1))[:, None]
             pupil = CentralRays(at_zero, by_z, weights)

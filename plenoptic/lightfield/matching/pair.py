@@ -34,6 +34,8 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     """
     geometry, region = pair_geometry(images.camera), images.exposures[0].region
     vignetting = geometry.asymmetry(region=region)
+    lit = np.abs(vignetting) < 1.0
+    vignetting = np.where(lit, vignetting, 0.0)
     left, right = images.left.mean(axis=-1) / (1.0 + vignetting), images.right.mean(axis=-1) / (1.0 - vignetting)
     planes = _planes(*disparities)
     reach = np.array([np.abs(geometry.blur(disparity)).max() for disparity in planes])
@@ -49,7 +51,7 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     matches = _minimise(cost, planes, (2 * radius + 1) ** 2 * noise)
     row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in left.shape)
     margin = radius + np.interp(matches.disparity, planes, reach)
-    inside = np.minimum(row[:, None], column) >= margin
+    inside = (np.minimum(row[:, None], column) >= margin) & (_window_sums(np.where(lit, 0.0, 1.0), radius) == 0)
     matches = Matches(*(np.where(inside, plane, np.nan) for plane in matches))
     return matches, geometry.depth(matches.disparity, region=region)
 
@@ -94,6 +96,11 @@ def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, in
     # Upper and lower wells of quads are taken to see the same.
     wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
     images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
+    # The division by vignetting weighs the pixels that a point reaches unevenly.
+    row, column = (n // 2 for n in geometry.camera.sensor.shape)
+    before, behind = geometry.asymmetry(region=(row, row + 1, column - 1, column + 1))[0]
+    slopes = (behind - before) / np.array([2.0 + before + behind, before + behind - 2.0]) * 2.0
+    images *= 1.0 - slopes[:, None, None] * np.fft.fftfreq(shape[1], 1.0 / shape[1])
     return np.asarray(images / images.sum(axis=(1, 2), keepdims=True))
 
 

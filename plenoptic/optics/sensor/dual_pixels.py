@@ -102,7 +102,10 @@ def _checked_table(table: ArrayLike, split: tuple[int, int]) -> Floats:
         raise InvalidValueError("a table has the responses of two wells; leave split at (1, 2)")
     rows = frozen_array(table, name="table", shape=("angles", 3))
     if not (len(rows) > 1 and (np.diff(rows[:, 0]) > 0).all() and np.abs(rows[:, 0]).max() < math.pi / 2):
-        raise InvalidValueError("table must have two or more angles, rising, within -pi / 2 and pi / 2 (90 degrees)")
+        raise InvalidValueError(
+            "table must have two or more angles, rising, within -pi / 2 and pi / 2 (90 degrees); angles of an array "
+            "are in radians: np.radians(...)"
+        )
     darkest, brightest = rows[:, 1:].min(), rows[:, 1:].sum(axis=1).max()
     if not (darkest >= 0 and brightest <= 1 + _ROUNDING):
         raise InvalidValueError(
