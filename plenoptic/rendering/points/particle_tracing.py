@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection import entrance_in_world, occlusion_of_points
+from plenoptic.camera.points.projection import entrance_in_world, transmission_to_lens
 from plenoptic.camera.psf.sensor_hits import (
     BUNDLE,
     ForwardRecord,
@@ -259,7 +259,7 @@ def _trace_bundle(
         transmission = _transmission(_optical_depth(lengths, blocks, scene, batch, band), scene, batch, band)
     if scene.occluder is not None:
         centres, entering = _segments(blocks, scene, batch)
-        particle_rays.stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
+        particle_rays.weaken_rays(blocks, transmission_to_lens(record, centres, entering, scene.occluder))
     if record.iris is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, record.iris, None)
     fill_to_sensor(blocks, record)

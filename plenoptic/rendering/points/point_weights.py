@@ -295,7 +295,7 @@ def point_weights(
     camera : PlenopticCamera
     scene : Scene, optional
         Scene whose meshes hide particles: each ray is stopped by the first surface before the particle's centre, glass
-        included, except within 1/4096 of the distance to the lens.
+        included, except within 1/4096 of the distance to the lens; partly transparent ones pass 1 - opacity.
     rays : int, optional
         Rays of each particle, at most 2^18, rounded up to whole replicates. None: chosen by `target_error`.
     target_error : float, optional

@@ -85,11 +85,13 @@ def fill_particle_deflections(blocks, batch, seed, iris, deflection):
 
 
 @kernel
-def stop_rays(blocks, blocked):
-    """Mark rays that a surface of the scene stops as lost."""
-    for k in range(blocked.size):
-        if blocked[k]:
-            blocks[(k // BLOCK) * RAY + STATUS + k % BLOCK] = MISSED
+def weaken_rays(blocks, transmission):
+    """Weigh rays by the fractions (n,) of light that surfaces of the scene pass; those without light are lost."""
+    for k in range(transmission.size):
+        ray, j = (k // BLOCK) * RAY, k % BLOCK
+        blocks[ray + WEIGHT + j] *= transmission[k]
+        if transmission[k] <= 0.0:
+            blocks[ray + STATUS + j] = MISSED
 
 
 @kernel
