@@ -136,7 +136,7 @@ def _passbands(
         weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
         loss = spectrum = None
         if extinction is not None:  # the spectra of its colours
-            parts_of_band = np.array_split(np.flatnonzero(rows), min(_LOSSES, np.count_nonzero(rows)))
+            parts_of_band = np.array_split(np.flatnonzero(rows), min(_LOSSES, int(rows.sum())))
             means = [np.average(tables.basis[some], axis=0, weights=probability[some]) for some in parts_of_band]
             loss = extinction @ np.transpose(means)
             spectrum = np.array(
