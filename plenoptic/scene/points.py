@@ -119,6 +119,8 @@ class Points:
     def intensities(self, towards: ArrayLike) -> Floats:
         """Radiant intensity (n,) or (n, 3) of each particle in the direction of a point (3,) of the world.
 
+        Forwards of a sheet for a particle at that point.
+
         Examples
         --------
         >>> import plenoptic as pl
@@ -133,7 +135,9 @@ class Points:
         scattered = section / (4.0 * math.pi)
         if self.phase is not None:
             direction = numbers(towards, "towards", columns=3) - self.positions
-            cosine = direction @ self.sheet.direction / np.linalg.norm(direction, axis=1)
+            length = np.linalg.norm(direction, axis=1)
+            along = direction @ self.sheet.direction
+            cosine = np.divide(along, length, out=np.ones(len(self)), where=length > 0)  # forwards at the point itself
             scattered = section * np.interp(np.arccos(np.clip(cosine, -1.0, 1.0)), *self.phase.T)
         irradiance = self.sheet.irradiance_at(self.positions)
         return np.asarray(irradiance * (scattered if irradiance.ndim == 1 else scattered[:, None]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plenoptic.camera.assembly import array_axes
 from plenoptic.camera.cache import prepared_camera
 from plenoptic.camera.checks import sensor_region
-from plenoptic.camera.points.projection import occlusion_of_points
+from plenoptic.camera.points.projection import transmission_to_lens
 from plenoptic.camera.points.projection_rows import (
     Aim,
     ThroughArray,
@@ -149,9 +149,8 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
         position[lanes] = points
         shift[lanes] = (pixel_of(after.position) - pixel_of(before.position))[:, ::-1]
         passing = np.flatnonzero(after.passes)
-        visible[lanes[passing]] = ~occlusion_of_points(
-            tables[1], points[passing], after.entering[passing], following_scene
-        )
+        seen = transmission_to_lens(tables[1], points[passing], after.entering[passing], following_scene)
+        visible[lanes[passing]] = seen > 0.5
         return {"position": position, "shift": shift, "visible": visible}
 
     return MotionTruth(**compute_in_strips(record, region, workers, work))

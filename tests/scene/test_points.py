@@ -38,6 +38,7 @@ def test_intensity_is_irradiance_times_cross_section_times_phase():
     forward = np.array([[0.0, 1.0], [math.pi, 0.0]])
     lobe = pl.Points(positions[:1], sheet=SHEET, cross_section=1.0, phase=forward)
     assert lobe.intensities((100.0, 0, -404))[0] > 0.99 * 5.0 and lobe.intensities((-100.0, 0, -404))[0] < 1e-6
+    assert lobe.intensities((0.0, 0, -404)) == lobe.intensities((1e-9, 0, -404))  # at the particle: forwards
     red = pl.lights.Sheet((0, 0, -404), (1, 0, 0), (0, 0, 1), thickness=1.0, irradiance=(5.0, 1.0, 0.0))
     coloured = pl.Points(positions, sheet=red, cross_section=1.0).intensities(camera)
     assert coloured.shape == (2, 3) and np.allclose(coloured[0], np.array([5.0, 1.0, 0.0]) / (4 * math.pi))

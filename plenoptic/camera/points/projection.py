@@ -207,7 +207,7 @@ def _keep_visible(record: ForwardRecord, projection: Projection, entering: Float
     check_kind(scene, "scene", Scene, "pl.Scene(...)")
     rows, visible = np.flatnonzero(projection.visible), projection.visible.copy()
     points = projection.points[projection.point[rows]]
-    visible[rows] = ~occlusion_of_points(record, points, entering[rows], prepared_scene(scene))
+    visible[rows] = transmission_to_lens(record, points, entering[rows], prepared_scene(scene)) > 0.5
     return dataclasses.replace(projection, visible=visible)
 
 
@@ -219,22 +219,23 @@ def entrance_in_world(record: ForwardRecord, entering: Floats) -> Floats:
     return np.asarray(points if pose is None else pose.to_world(points))
 
 
-def occlusion_of_points(
-    record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene
-) -> NDArray[np.bool_]:
-    """True (n,) if the scene occludes world points (n, 3) seen from points (n, 2) of the entrance plane."""
+def transmission_to_lens(record: ForwardRecord, points: Floats, entering: Floats, prepared: PreparedScene) -> Floats:
+    """Fractions (n,) of light that surfaces of a scene pass from world points (n, 3) to points (n, 2) of the entrance
+    plane: 0 behind an opaque one.
+    """
     from plenoptic.scene.materials.alpha_mask import attenuate_shadows
 
     scene_record, intersector = prepared.record, prepared.intersector
+    transmission = np.ones((len(points), 1))
     if intersector is None:
-        return np.zeros(len(points), dtype=bool)
+        return transmission[:, 0]
     segment = entrance_in_world(record, entering) - points
     start = points + _MIN_OCCLUDER_DISTANCE * segment
     rays = np.ascontiguousarray(np.column_stack([start, (1.0 - _MIN_OCCLUDER_DISTANCE) * segment]))
     blocked = np.zeros(len(points), dtype=np.uint8)
-    transmission = np.ones((len(points), 1))
     if scene_record.alpha is None:
         intersector.fill_occlusion(blocked, rays)
     else:
         attenuate_shadows(scene_record, intersector, rays, blocked, transmission)
-    return np.asarray((blocked != 0) | (transmission[:, 0] <= 0.5))
+    transmission[blocked != 0] = 0.0
+    return transmission[:, 0]

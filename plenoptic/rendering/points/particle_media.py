@@ -93,17 +93,14 @@ def sheet_lengths(media: ParticleMedia, sheet: Sheet, points: Floats) -> Floats:
     in_media, has_outside = np.zeros((len(points), len(media.extinction))), media.extinction[-1].any()
     if media.box is not None:
         # Rays come from outside all bodies, and their lengths before the start of the sheet are subtracted.
-        towards, each, nothing = (
-            sheet.directions_at(points),
-            np.eye(len(media.extinction)),
-            np.full(NESTED, -1, np.int32),
-        )
-        each[-1] = 0.0
+        towards, outside = sheet.directions_at(points), np.full(NESTED, -1, np.int32)
+        unit = np.eye(len(media.extinction))
+        unit[-1] = 0.0
         far = 2.0 * np.linalg.norm(points - media.box.mean(axis=0), axis=1)
         far += 2.0 * np.linalg.norm(np.ptp(media.box, axis=0))
         starts, ends = points - far[:, None] * towards, points - np.minimum(lengths, 0.999 * far)[:, None] * towards
-        in_media += depth_in_bodies(media, each, (starts, points), nothing)
-        in_media -= depth_in_bodies(media, each, (starts, ends), nothing)
+        in_media += depth_in_bodies(media, unit, (starts, points), outside)
+        in_media -= depth_in_bodies(media, unit, (starts, ends), outside)
     if has_outside:
         in_media[:, -1] = lengths - in_media.sum(axis=1)
     return in_media

@@ -28,6 +28,8 @@ _WAVELENGTHS = 16
 """Wavelengths at which a camera with a spectral sensitivity is traced."""
 _GHOST_WAVELENGTHS = 4
 """Those of its ghosts, which are dim and blurred."""
+_LOSSES = 4
+"""Wavelengths of each passband at which the loss in media is computed."""
 
 
 class Passband(NamedTuple):
@@ -37,7 +39,10 @@ class Passband(NamedTuple):
     weights: Floats
     """(C, 3): channels, from red, green and blue of the particles; they add up to 1 for each channel."""
     extinction: Floats | None
-    """(media + 1, C): loss of light of each channel in `ParticleScene.media`, per mm; None without a medium."""
+    """(media + 1, C), or (media + 1, k) with a `spectrum`: loss of light in `ParticleScene.media` of each channel, or
+    at each of k wavelengths, per mm; None without a medium."""
+    spectrum: Floats | None
+    """(k, C, 3): `weights` of those wavelengths, which add up to all; None if the channels have their losses."""
     outlines: Outlines
     """Outlines of the pupil that particles share, added to by the tasks that trace them."""
 
@@ -118,8 +123,8 @@ def _passbands(
     if camera.sensitivity is None:
         if extinction is None or not np.ptp(extinction, axis=1).any():
             grey = None if extinction is None else np.ascontiguousarray(extinction[:, :1])
-            return (Passband(record, np.ones((1, 3)) / 3, grey, {}),)
-        return (Passband(record, np.eye(3), extinction, {}),)
+            return (Passband(record, np.ones((1, 3)) / 3, grey, None, {}),)
+        return (Passband(record, np.eye(3), extinction, None, {}),)
     tables = colour_tables(camera.sensitivity)
     probability = np.diff(tables.cdf, prepend=0.0)
     middle, parts = tables.cdf - 0.5 * probability, min(wavelengths, len(tables.wavelengths))
@@ -129,13 +134,16 @@ def _passbands(
         rows = part == k
         wavelength = float(np.average(tables.wavelengths[rows], weights=probability[rows]))
         weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
-        loss = None
-        if extinction is not None:  # the spectrum of its colour
-            loss = np.repeat(
-                extinction @ np.average(tables.basis[rows], axis=0, weights=probability[rows])[:, None], 3, axis=1
+        loss = spectrum = None
+        if extinction is not None:  # the spectra of its colours
+            parts_of_band = np.array_split(np.flatnonzero(rows), min(_LOSSES, int(rows.sum())))
+            means = [np.average(tables.basis[some], axis=0, weights=probability[some]) for some in parts_of_band]
+            loss = extinction @ np.transpose(means)
+            spectrum = np.array(
+                [(probability[some, None] * tables.weights[some]).T @ tables.basis[some] for some in parts_of_band]
             )
         record = diffraction_record(dataclasses.replace(camera, wavelength=wavelength))
-        bands.append(Passband(record, weights, loss, {}))
+        bands.append(Passband(record, weights, loss, spectrum, {}))
     return tuple(bands)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.points.projection import entrance_in_world, occlusion_of_points
+from plenoptic.camera.points.projection import entrance_in_world, transmission_to_lens
 from plenoptic.camera.psf.sensor_hits import (
     BUNDLE,
     ForwardRecord,
@@ -217,7 +217,9 @@ def _trace_task(scene: ParticleScene, task: ParticleTask) -> ParticlePixels:
             corners = np.ascontiguousarray(polygons[k][rows].transpose(0, 2, 1), dtype=np.float64)
             radius = 0.5 * scene.points.diameter[number[rows]]
             colour = np.ones((len(rows), 1))
-            if scene.hue is not None:
+            if band.spectrum is not None:  # colours come with the transmission of each wavelength
+                colour = np.ones((len(rows), scene.channels))
+            elif scene.hue is not None:
                 colour = np.ascontiguousarray(scene.hue[number[rows]] @ band.weights.T)
             batch = ParticleBatch(number[rows], lens_points[k][rows], radius, corners, colour, each, k * each)
             _trace_bundle(scene, band, batch, (pixel[k], weight[k], part_moments))
@@ -249,15 +251,15 @@ def _trace_bundle(
     record, (pixel, weight, moments) = band.record, results
     n = pixel.size
     blocks = np.empty(-(-n // BLOCK) * RAY)
-    lengths, depth = None if band.extinction is None else np.empty(n), None
+    lengths, transmission = None if band.extinction is None else np.empty(n), None
     particle_rays.fill_particle_rays(blocks, batch, scene.seed, record.entrance.z, record.ideal, lengths)
     if lengths is not None:
         if not record.ideal:  # the first plane of ideal lenses is that of the entrance
             _add_path_to_first_element(lengths, blocks, record)
-        depth = _optical_depth(lengths, blocks, scene, batch, band)
+        transmission = _transmission(_optical_depth(lengths, blocks, scene, batch, band), scene, batch, band)
     if scene.occluder is not None:
         centres, entering = _segments(blocks, scene, batch)
-        particle_rays.stop_rays(blocks, occlusion_of_points(record, centres, entering, scene.occluder))
+        particle_rays.weaken_rays(blocks, transmission_to_lens(record, centres, entering, scene.occluder))
     if record.iris is not None:
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, record.iris, None)
     fill_to_sensor(blocks, record)
@@ -267,7 +269,7 @@ def _trace_bundle(
         particle_rays.fill_particle_deflections(blocks, batch, scene.seed, None, record.deflection)
     screen = (*record.camera.sensor.shape, record.camera.sensor.pixel_pitch)
     flat = weight.reshape(n, -1)
-    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, depth)
+    particle_rays.fill_pixels(pixel.reshape(n), flat, moments, blocks, batch, screen, record.opening, transmission)
 
 
 def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardRecord) -> None:
@@ -284,7 +286,7 @@ def _add_path_to_first_element(lengths: Floats, blocks: Floats, record: ForwardR
 def _optical_depth(
     lengths: Floats, blocks: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband
 ) -> Floats:
-    """Optical depth (n, channels) of the media along rays of given lengths (n,), and along the sheet up to them."""
+    """Optical depth (n, k) of the media along rays of given lengths (n,), and along the sheet up to them."""
     media, extinction = scene.media, band.extinction
     assert media is not None and extinction is not None
     at_lens = extinction[media.around_lens]
@@ -299,6 +301,17 @@ def _optical_depth(
         before = scene.sheet_lengths[batch.number] @ extinction
         depth += np.repeat(before, batch.replicates * batch.each, axis=0)
     return np.asarray(depth)
+
+
+def _transmission(depth: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband) -> Floats:
+    """Fraction (n, channels) of light left by an optical depth (n, k), with a spectrum times the particle's colour."""
+    left = np.exp(-depth)
+    if band.spectrum is None:
+        return left
+    assert scene.hue is not None
+    parts = np.einsum("pi,kci->pkc", scene.hue[batch.number], band.spectrum)
+    of_particles = left.reshape(len(parts), -1, left.shape[1]) @ parts
+    return np.ascontiguousarray(of_particles.reshape(len(left), -1))
 
 
 def _segments(blocks: Floats, scene: ParticleScene, batch: ParticleBatch) -> tuple[Floats, Floats]:

@@ -66,9 +66,9 @@ class PointWeights:
     pixel : (m,) array of int
         Pixel of each entry, row times number of columns plus column.
     weight : (m, C) array
-        Solid angle in sr at the particle whose light reaches the pixel, times what media leave of it, and of that of
-        the sheet; C is 3 for cameras with a spectral sensitivity of three channels, for light of the particle's own
-        colour, and in coloured media, otherwise 1.
+        Solid angle in sr at the particle whose light reaches the pixel, times the fraction of it, and of the light of
+        the sheet, that passes media; C is 3 for cameras with a spectral sensitivity of three channels, for light of the
+        particle's own colour, and in coloured media, otherwise 1.
     weight_error : (m, C) array
         Standard error of each weight.
     light, light_error : (n,) array
@@ -295,7 +295,7 @@ def point_weights(
     camera : PlenopticCamera
     scene : Scene, optional
         Scene whose meshes hide particles: each ray is stopped by the first surface before the particle's centre, glass
-        included, except within 1/4096 of the distance to the lens.
+        included, except within 1/4096 of the distance to the lens; partly transparent ones pass 1 - opacity.
     rays : int, optional
         Rays of each particle, at most 2^18, rounded up to whole replicates. None: chosen by `target_error`.
     target_error : float, optional

@@ -249,4 +249,17 @@ def test_the_light_of_a_sheet_fades_at_each_wavelength_with_the_whole_path():
     sheet = pl.lights.Sheet((0, 0, -404), (1, 0, 0), (0, 0, 1), thickness=2.0, irradiance=1e3, start=-length)
     found = light_left(pl.Points([(0.0, 0.0, -404.0)], diameter=0.1, sheet=sheet), losses)
     expected = light_left_by_quadrature(np.ones(3), losses, length + path_to_lens(-404.0))
-    assert np.allclose(found, expected, rtol=1e-2), (found, expected)
+    assert np.allclose(found, expected, rtol=3e-3), found / expected - 1
+
+
+@pytest.mark.parametrize("losses", [(5e-2, 3e-3, 5e-2), (1e-3, 4e-3, 1e-3), (2e-3, 5e-4, 1e-5)])
+def test_dense_colours_of_a_medium_are_integrals_over_the_wavelength(losses):
+    """Within each of 16 passbands, too, by whose mean loss the light of the first is 5 % too dim.
+
+    Two wavelengths a passband leave 1.3 %, four 0.3 %. The pupil differs by 0.3 % between the ends of the spectrum,
+    which a single ray does not know, and paths to the lens do by 1e-5.
+    """
+    colour = (1.0, 0.5, 0.2)
+    found = light_left(pl.Points([(0.0, 0.0, -404.0)], intensity=[colour]), losses)
+    expected = light_left_by_quadrature(np.array(colour), losses, path_to_lens(-404.0))
+    assert np.allclose(found, expected, rtol=6e-3), found / expected - 1

@@ -47,6 +47,21 @@ def test_surfaces_hide_particles():
         render(pl.Scene(points=POINTS), region=np.s_[0:2, 0:2])
 
 
+@pytest.mark.parametrize("opacity", [0.0, 0.3, 0.49, 0.51, 0.9])
+def test_partly_transparent_surfaces_pass_their_part_of_the_light(opacity):
+    """1 - opacity of it each, as of an emissive square in a render."""
+    free = pl.rendering.point_weights(POINTS, BARE, rays=1024, progress=False)
+    veils = [
+        pl.quad((-50, -50, z), (100, 0, 0), (0, 100, 0), material=pl.materials.MetallicRoughness(opacity=opacity))
+        for z in (-300, -200)
+    ]
+    for n in (1, 2):
+        seen = pl.rendering.point_weights(POINTS, BARE, scene=pl.Scene(veils[:n]), rays=1024, progress=False)
+        assert (seen.pixel == free.pixel).all() and np.allclose(
+            seen.weight, (1 - opacity) ** n * free.weight, rtol=1e-6
+        )
+
+
 def test_glass_before_particles_is_named_once():
     pane = dataclasses.replace(pl.box(4, material=pl.Dielectric(1.5)).translated(0.0, 0.0, -300.0), name="pane")
     thin = pl.quad((-50, -50, -380), (100, 0, 0), (0, 100, 0), material=pl.materials.ThinGlass())

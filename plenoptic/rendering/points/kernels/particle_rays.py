@@ -85,19 +85,21 @@ def fill_particle_deflections(blocks, batch, seed, iris, deflection):
 
 
 @kernel
-def stop_rays(blocks, blocked):
-    """Mark rays that a surface of the scene stops as lost."""
-    for k in range(blocked.size):
-        if blocked[k]:
-            blocks[(k // BLOCK) * RAY + STATUS + k % BLOCK] = MISSED
+def weaken_rays(blocks, transmission):
+    """Weigh rays by the fractions (n,) of light that surfaces of the scene pass; those without light are lost."""
+    for k in range(transmission.size):
+        ray, j = (k // BLOCK) * RAY, k % BLOCK
+        blocks[ray + WEIGHT + j] *= transmission[k]
+        if transmission[k] <= 0.0:
+            blocks[ray + STATUS + j] = MISSED
 
 
 @kernel
-def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, depth):
+def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, transmission):
     """Pixels of the rays of a bundle, -1 beside the sensor or an `opening`, and their weights (n, channels).
 
     `moments` (particles, replicates, 3) get sums of w, w x, w y with w the mean over the channels, x and y in mm.
-    `screen` is rows, columns and pitch of the sensor; `depth` is the optical depth (n, channels) of media, or None.
+    `screen` is rows, columns and pitch of the sensor; `transmission` (n, channels) is that of media, or None.
     """
     rows, columns, pitch = screen
     for k in range(pixel.size):
@@ -116,8 +118,8 @@ def fill_pixels(pixel, weight, moments, blocks, batch, screen, opening, depth):
         pixel[k], mean = i * columns + c, 0.0
         for channel in range(weight.shape[1]):
             w = ray[WEIGHT + j] * batch.colour[particle, channel]
-            if depth is not None:
-                w *= math.exp(-depth[k, channel])
+            if transmission is not None:
+                w *= transmission[k, channel]
             weight[k, channel] = w
             mean += w / weight.shape[1]
         sums = moments[particle, replicate]
