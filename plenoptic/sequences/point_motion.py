@@ -149,8 +149,8 @@ def _motion_truth(now: Frame, following: Frame, region: tuple[int, int, int, int
         position[lanes] = points
         shift[lanes] = (pixel_of(after.position) - pixel_of(before.position))[:, ::-1]
         passing = np.flatnonzero(after.passes)
-        seen = transmission_to_lens(tables[1], points[passing], after.entering[passing], following_scene)
-        visible[lanes[passing]] = seen > 0.5
+        transmission = transmission_to_lens(tables[1], points[passing], after.entering[passing], following_scene)
+        visible[lanes[passing]] = transmission > 0.5
         return {"position": position, "shift": shift, "visible": visible}
 
     return MotionTruth(**compute_in_strips(record, region, workers, work))

@@ -136,11 +136,11 @@ def _passbands(
         weights = (probability[rows, None] * tables.weights[rows]).T @ tables.basis[rows]
         loss = spectrum = None
         if extinction is not None:  # the spectra of its colours
-            parts_of_band = np.array_split(np.flatnonzero(rows), min(_LOSSES, int(rows.sum())))
-            means = [np.average(tables.basis[some], axis=0, weights=probability[some]) for some in parts_of_band]
+            groups = np.array_split(np.flatnonzero(rows), min(_LOSSES, int(rows.sum())))
+            means = [np.average(tables.basis[group], axis=0, weights=probability[group]) for group in groups]
             loss = extinction @ np.transpose(means)
             spectrum = np.array(
-                [(probability[some, None] * tables.weights[some]).T @ tables.basis[some] for some in parts_of_band]
+                [(probability[group, None] * tables.weights[group]).T @ tables.basis[group] for group in groups]
             )
         record = diffraction_record(dataclasses.replace(camera, wavelength=wavelength))
         bands.append(Passband(record, weights, loss, spectrum, {}))

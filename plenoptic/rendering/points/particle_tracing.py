@@ -305,13 +305,13 @@ def _optical_depth(
 
 def _transmission(depth: Floats, scene: ParticleScene, batch: ParticleBatch, band: Passband) -> Floats:
     """Fraction (n, channels) of light left by an optical depth (n, k), with a spectrum times the particle's colour."""
-    left = np.exp(-depth)
+    transmission = np.exp(-depth)
     if band.spectrum is None:
-        return left
+        return transmission
     assert scene.hue is not None
     parts = np.einsum("pi,kci->pkc", scene.hue[batch.number], band.spectrum)
-    of_particles = left.reshape(len(parts), -1, left.shape[1]) @ parts
-    return np.ascontiguousarray(of_particles.reshape(len(left), -1))
+    of_particles = transmission.reshape(len(parts), -1, transmission.shape[1]) @ parts
+    return np.ascontiguousarray(of_particles.reshape(len(transmission), -1))
 
 
 def _segments(blocks: Floats, scene: ParticleScene, batch: ParticleBatch) -> tuple[Floats, Floats]:
