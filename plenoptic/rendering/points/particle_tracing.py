@@ -86,7 +86,7 @@ def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: fl
     The errors are averaged over particles by the squares of their light; at most `MAX_RAYS`. Particles that stay dark
     get the least number: few rays may miss the sensor by chance, so that more of them are traced first.
     """
-    rays = least = whole_replicates(scene, _LEAST_RAYS)
+    rays = fewest = whole_replicates(scene, _LEAST_RAYS)
     pilot, polygons = _lit_particles(scene, rays, threads)
     aimed = int(np.isfinite([polygon[:, 0, 0] for polygon in polygons]).all(axis=0).sum())
     while True:
@@ -103,7 +103,7 @@ def choose_rays(scene: ParticleScene, target_error: float, threads: int, end: fl
         if not is_lit:
             is_exact = not 0 < rays * aimed < _DARK_RAYS
         if is_exact or 2 * rays > MAX_RAYS or begin + 8.0 * seconds > end:
-            return RayNumber(rays if is_lit else least, seconds / max(rays * len(pilot), 1), end)
+            return RayNumber(rays if is_lit else fewest, seconds / max(rays * len(pilot), 1), end)
         rays *= 2
 
 
@@ -182,10 +182,10 @@ class _ParticleTasks:
     def __iter__(self) -> Iterator[ParticleTask]:
         begin, unit, n_traced = time.perf_counter(), whole_replicates(self.scene, 1), 0
         for first in range(0, len(self.number), self.size):
-            now, part = time.perf_counter(), slice(first, first + self.size)
+            clock, part = time.perf_counter(), slice(first, first + self.size)
             rays, remaining = self.rays.rays, len(self.number) - first
-            seconds = max(self.rays.seconds, (now - begin) / max(n_traced, 1))
-            while rays * remaining * seconds > self.rays.end - now and rays >= 2 * unit:
+            seconds = max(self.rays.seconds, (clock - begin) / max(n_traced, 1))
+            while rays * remaining * seconds > self.rays.end - clock and rays >= 2 * unit:
                 rays //= 2
             number = self.number[part]
             n_traced += rays * len(number)
