@@ -207,6 +207,20 @@ def test_energy_tables_and_both_directions(lens):
     np.testing.assert_allclose(reverse.transmitted, balance.transmitted[passes], rtol=1e-11)
 
 
+@pytest.mark.parametrize(
+    ("thickness", "single", "mean"), [(1e3, 5e-7, 1.6e-7), (1e4, 6e-5, 3.6e-6), (1e5, 8e-3, 1.7e-4)]
+)
+def test_tables_of_thick_films_err_as_the_documents_state(thickness, single, mean):
+    film = pl.optics.Coating([(pl.ConstantMedium(1.46), thickness)])
+    lens = pl.optics.coated(pl.load_lens("double-gauss-100mm-f2"), film)
+    x, y = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 2)).T
+    rays = pl.RayBundle(np.column_stack([x, y, np.full(2000, -100.0)]), np.tile([0.0, 0.15, 1.0], (2000, 1)), 550.0)
+    traced, exact = lens.trace(rays), light_balance(lens, rays).transmitted
+    errors = (traced.weight - exact)[traced.status == 0]
+    assert 0.5 * single < np.abs(errors).max() < 1.1 * single
+    assert abs(errors.mean()) / exact[traced.status == 0].mean() < 1.1 * mean
+
+
 def test_every_ray_has_the_losses_of_its_wavelength():
     from plenoptic.core.kernels.ray_blocks import BLOCK, WEIGHT
     from plenoptic.optics.lens.analysis.conditioning import blocks_of
