@@ -101,8 +101,9 @@ class Coating:
     ----------
     layers : sequence of (medium, float), optional
         Material and thickness in nm of each film, from the medium of the lower index (air) to the glass, so that both
-        faces of an element have the same coating. Materials are media or a `FilmMaterial`. Without layers, the surface
-        is bare: Fresnel's reflection.
+        faces of an element have the same coating. In a lens, indices are compared at 587.6 nm (at the wavelength of the
+        light if a medium has none there); between equal ones films go from front to back. Materials are media or a
+        `FilmMaterial`. Without layers, the surface is bare: Fresnel's reflection.
 
     Raises
     ------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,6 +11,7 @@ from plenoptic.core.values import Floats, broadcast, finite, result, wavelength_
 from plenoptic.errors import InvalidValueError, PrescriptionError
 from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
 from plenoptic.optics.coatings.thin_films import FilmPowers, film_powers
+from plenoptic.optics.glass.media import D_LINE, Medium, refractive_indices
 
 
 @result
@@ -96,8 +99,9 @@ def surface_powers(
 
     Notes
     -----
-    Films are described from the medium of the lower index to the other one, whatever the direction of the light. Above
-    the critical angle the reflectance is 1 less the absorptance. Transmittances are the same in both directions.
+    Films are described from the medium of the lower index to the other one, whatever the direction of the light, and
+    between equal indices from the first one; a lens has its own order (`Coating`). Above the critical angle the
+    reflectance is 1 less the absorptance. Transmittances are the same in both directions.
 
     References
     ----------
@@ -112,6 +116,21 @@ def surface_powers(
     >>> powers.reflectance_s.round(4).tolist(), powers.reflectance_p.round(4).tolist()
     ([0.04, 0.1479, 0.9283], [0.04, 0.0, 0.8458])
     """
+    return ordered_powers(coating, n_from, n_to, cosine, wavelength, None)
+
+
+def ordered_powers(
+    coating: SurfaceCoating | None,
+    n_from: ArrayLike,
+    n_to: ArrayLike,
+    cosine: ArrayLike,
+    wavelength: ArrayLike,
+    in_order: ArrayLike | None,
+) -> SurfacePowers:
+    """`surface_powers` of light that meets the films in the order of the coating (`in_order`), or reversed.
+
+    None: in order where the index does not fall.
+    """
     check_coating(coating)
     first, last, cos, nm = broadcast(n_from=n_from, n_to=n_to, cosine=cosine, wavelength=wavelength)
     if not ((cos >= 0.0) & (cos <= 1.0)).all():
@@ -123,25 +142,38 @@ def surface_powers(
     inverse, powers = inverse.reshape(nm.shape), np.empty((4, *nm.shape))
     for i, wave in enumerate(waves.tolist()):
         at = inverse == i
-        for is_denser in (True, False):
-            chosen = at & ((first <= last) == is_denser)
+        for order in (True, False):
+            chosen = at & ((first <= last if in_order is None else in_order) == np.bool_(order))
             if chosen.any():
                 powers[:, chosen] = _at_wavelength(
-                    coating, first[chosen], last[chosen], cos[chosen], wavelength_in_nm(wave), is_denser=is_denser
+                    coating, first[chosen], last[chosen], cos[chosen], wavelength_in_nm(wave), in_order=order
                 )
     return SurfacePowers(*powers)
 
 
+def is_from_front(media: Sequence[Medium], wavelength: float) -> bool:
+    """True if the films of a surface in a lens are described from the medium in front of it, the first of two.
+
+    That of the lower index at 587.6 nm, or at the wavelength in nm of the light if one has no index there; the first
+    one if both are equal.
+    """
+    try:
+        front, behind = refractive_indices(media, D_LINE)
+    except ValueError:  # media of other packages raise their own
+        front, behind = refractive_indices(media, wavelength)
+    return bool(front <= behind)
+
+
 def _at_wavelength(
-    coating: SurfaceCoating | None, n_from: Floats, n_to: Floats, cosine: Floats, wavelength: float, *, is_denser: bool
+    coating: SurfaceCoating | None, n_from: Floats, n_to: Floats, cosine: Floats, wavelength: float, *, in_order: bool
 ) -> FilmPowers:
-    """Powers of light that goes to a medium of higher index (`is_denser`) or of lower index."""
+    """Powers of light that meets the films in their order or reversed."""
     if isinstance(coating, Reflectance):
-        sine2 = (1.0 - cosine) * (1.0 + cosine) * (1.0 if is_denser else (n_from / n_to) ** 2)
+        sine2 = (1.0 - cosine) * (1.0 + cosine) * np.maximum(n_from / n_to, 1.0) ** 2
         reflected = np.where(sine2 < 1.0, coating.at(np.sqrt(np.maximum(1.0 - sine2, 0.0)), wavelength), 1.0)
         return FilmPowers(reflected, reflected, 1.0 - reflected, 1.0 - reflected)
     films = [] if coating is None else coating.films(wavelength)
-    if not is_denser:
+    if not in_order:
         films = films[::-1]
     indices = [np.full(cosine.shape, index) for index, _ in films]
     phases = [np.full(cosine.shape, 2.0 * np.pi * thickness / wavelength) for _, thickness in films]

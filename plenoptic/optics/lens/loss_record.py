@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.core.values import Floats
-from plenoptic.optics.coatings.coating import Reflectance, SurfaceCoating
-from plenoptic.optics.coatings.surface_powers import surface_powers
+from plenoptic.optics.coatings.coating import Coating, Reflectance, SurfaceCoating
+from plenoptic.optics.coatings.surface_powers import is_from_front, ordered_powers, surface_powers
 from plenoptic.optics.glass.absorption import attenuation
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.surfaces.mirror import Mirror
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _INTERVALS = 1024
 """Intervals of the squared cosine, which needs no square root. Linear interpolation is within 3e-7 for bare glass up to
-60 degrees, 5e-6 up to 75, 2e-4 up to 85."""
+60 degrees, 5e-6 up to 75, 2e-4 up to 85; errors of films rise with the square of their thickness."""
 
 
 class LossRecord(NamedTuple):
@@ -51,17 +51,22 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     """Losses of a lens at wavelengths in nm; None if it has no coating."""
     if not has_losses(lens):
         return None
-    indices = np.array([lens.indices(each) for each in wavelengths])
+    indices, media = np.array([lens.indices(each) for each in wavelengths]), lens.gap_media
     transmittance = np.ones((len(lens.elements), len(wavelengths), _INTERVALS + 1))
     for k, element in enumerate(lens.elements):
         if isinstance(element, Surface):
-            low, high = (pick(indices[:, k], indices[:, k + 1]) for pick in (np.minimum, np.maximum))
-            transmittance[k] = _table(element, low, high, wavelengths)
+            front, behind = indices[:, k], indices[:, k + 1]
+            in_order = np.full(len(wavelengths), fill_value=True)
+            if isinstance(element.coating, Coating) and len(element.coating.layers) > 1:
+                from_front = [is_from_front(media[k : k + 2], each) for each in wavelengths]
+                in_order = (front <= behind) == from_front
+            low, high = np.minimum(front, behind), np.maximum(front, behind)
+            transmittance[k] = _table(element, (low, high), wavelengths, in_order)
     order = slice(None, None, -1 if reverse else 1)
     # A cosine of 1 is interpolated towards one more node.
     tables = np.ascontiguousarray(np.concatenate([transmittance, transmittance[:, :, -1:]], axis=2)[order])
     # Before the first element, the origin of a ray is arbitrary.
-    per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in lens.gap_media])
+    per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in media])
     per_mm = per_mm[1:][order] if reverse else per_mm[:-1].copy()
     per_mm[0] = 0.0
     absorbing = np.asarray(per_mm.any(axis=1))
@@ -70,20 +75,30 @@ def loss_record(lens: LensStack, wavelengths: tuple[float, ...], *, reverse: boo
     return LossRecord(tables, np.ascontiguousarray(per_mm), absorbing)
 
 
-def _table(element: Surface, low: Floats, high: Floats, wavelengths: tuple[float, ...]) -> Floats:
-    """Light (wavelengths, nodes) that goes on behind a surface between media of a lower and a higher index."""
+def _table(
+    element: Surface, indices: tuple[Floats, Floats], wavelengths: tuple[float, ...], in_order: NDArray[np.bool_]
+) -> Floats:
+    """Light (wavelengths, nodes) that goes on behind a surface between media of a lower and a higher index.
+
+    `in_order`: films are described from the lower one.
+    """
+    low, high = indices
     if isinstance(element.medium, Mirror):
         if not isinstance(element.coating, Reflectance):
             return np.ones((len(wavelengths), _INTERVALS + 1))
         nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
         return surface_powers(element.coating, low[:, np.newaxis], high[:, np.newaxis], cosines, nm).reflectance
-    return _transmittance(element.coating, tuple(low.tolist()), tuple(high.tolist()), wavelengths)
+    low_high = tuple(low.tolist()), tuple(high.tolist())
+    return _transmittance(element.coating, low_high, wavelengths, tuple(in_order.tolist()))
 
 
 @functools.lru_cache(maxsize=256)
 def _transmittance(
-    coating: SurfaceCoating | None, low: tuple[float, ...], high: tuple[float, ...], wavelengths: tuple[float, ...]
+    coating: SurfaceCoating | None,
+    low_high: tuple[tuple[float, ...], tuple[float, ...]],
+    wavelengths: tuple[float, ...],
+    in_order: tuple[bool, ...],
 ) -> Floats:
     """Table of a refracting surface; unfolded stacks of ghosts pass the same surfaces many times."""
-    n_low, n_high, nm = (np.array(numbers)[:, np.newaxis] for numbers in (low, high, wavelengths))
-    return surface_powers(coating, n_low, n_high, table_cosines(), nm).transmittance
+    n_low, n_high, nm, order = (np.array(each)[:, np.newaxis] for each in (*low_high, wavelengths, in_order))
+    return ordered_powers(coating, n_low, n_high, table_cosines(), nm, order).transmittance

@@ -1,5 +1,6 @@
 """Thin films: Fresnel's formulas, the quarter-wave film, energy, reciprocity, opaque films and total reflection."""
 
+import decimal
 import math
 
 import numpy as np
@@ -99,6 +100,45 @@ def test_total_reflection():
         powers = pl.optics.surface_powers(coating, 1.5, 1.0, cosines, 550.0)
         np.testing.assert_allclose(powers.reflectance, 1.0, rtol=1e-13)
         assert (powers.transmittance == 0.0).all()
+
+
+def test_grazing_light_and_critical_angles_are_limits():
+    """R = x / (1 + x) for a film between media of one index (Born & Wolf, 1.6.4), at its critical angle and beyond."""
+    phase = 2.0 * math.pi * 200.0 / 550.0
+    film = pl.optics.Coating([(pl.optics.FilmMaterial(1.0), 200.0)])
+    powers = pl.optics.surface_powers(film, 1.25, [1.25, 1.5], 0.6, 550.0)  # sin = 0.8, the critical angle of 1.25
+    for polarisation, first, last in (("s", 0.75, math.sqrt(1.25)), ("p", 0.48, math.sqrt(1.25) / 2.25)):
+        # The matrix is ((1, -i phase), (0, 1)) at the critical angle of a film of index 1.
+        for i, behind in enumerate((first, last)):
+            field = complex(first, -phase * first * behind)
+            expected = abs((field - behind) / (field + behind)) ** 2
+            assert getattr(powers, f"reflectance_{polarisation}")[i] == pytest.approx(expected, rel=1e-12)
+            assert getattr(powers, f"transmittance_{polarisation}")[i] == pytest.approx(1.0 - expected, rel=1e-12)
+    thin = pl.optics.Coating([(pl.optics.FilmMaterial(0.52), 1e-9)])
+    decay, first = math.sqrt(1.5**2 - 0.52**2), 1.5e-9
+    x = ((first**2 + decay**2) / (2 * first * decay) * math.sinh(2 * math.pi * 1e-9 / 550.0 * decay)) ** 2
+    assert pl.optics.surface_powers(thin, 1.5, 1.5, 1e-9, 550.0).reflectance_s == pytest.approx(x / (1 + x), rel=1e-12)
+
+
+def test_indices_that_agree_to_rounding():
+    """R = ((n cos - q) / (n cos + q))^2 of s by decimal numbers; no light is reflected where the index is the same."""
+    none = pl.optics.surface_powers(None, 1.5, 1.5, [0.0, 1e-150, 1e-9, 1e-3], 550.0)
+    assert none.reflectance_p.tolist() == none.reflectance_s.tolist() == [0.0] * 4
+    np.testing.assert_allclose(none.transmittance, 1.0, rtol=1e-15)
+    with decimal.localcontext(prec=50):
+        cos, n, more = (decimal.Decimal(number) for number in (1e-9, 1.5, 1.5 + 1e-14))
+        q = (more**2 - n**2 + (n * cos) ** 2).sqrt()
+        expected = float(((n * cos - q) / (n * cos + q)) ** 2)
+    powers = pl.optics.surface_powers(None, 1.5, 1.5 + 1e-14, 1e-9, 550.0)
+    assert powers.reflectance_s == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_thousand_pairs_of_films_reflect_all_light():
+    """Fields of 2^1000 overflow unless they are scaled."""
+    stack = pl.optics.Coating([(pl.ConstantMedium(4.0), 550.0 / 16.0), (pl.ConstantMedium(2.0), 550.0 / 8.0)] * 1500)
+    powers = pl.optics.surface_powers(stack, 1.0, 1.5, [0.5, 1.0], 550.0)
+    np.testing.assert_allclose(powers.reflectance, 1.0, rtol=1e-12)
+    assert powers.transmittance.max() == 0.0
 
 
 def test_tables_of_reflectance():

@@ -95,6 +95,54 @@ def test_a_cemented_doublet_on_its_axis():
     assert lens.transmission(0.02) == bare.transmission(0.02) == pytest.approx(axial_light, rel=1e-3)
 
 
+class Slope:
+    """Medium whose index is 1.5 at 587.5618 nm and changes linearly, defined from a wavelength on."""
+
+    def __init__(self, per_nm, n=1.5, shortest=0.0):
+        self.per_nm, self.n, self.shortest = per_nm, n, shortest
+
+    def index(self, wavelength):
+        if wavelength < self.shortest:
+            raise pl.errors.InvalidValueError("no index")
+        return self.n + self.per_nm * (wavelength - 587.5618)
+
+
+INFRARED = Slope(1e-4, 1.505, shortest=600.0)
+FILMS = [(pl.optics.FilmMaterial(2.0, 1.5), 15.0), (pl.ConstantMedium(1.38), 120.0)]
+ORDERS = {True: pl.optics.Coating(FILMS), False: pl.optics.Coating(FILMS[::-1])}
+
+
+@pytest.mark.parametrize(
+    ("front", "behind", "from_front"),
+    [
+        (CROWN, CROWN, True),
+        (CROWN, Slope(1e-4), True),
+        (Slope(1e-4), CROWN, True),
+        (CROWN, Slope(-1e-4, 1.505), True),
+        (Slope(-1e-4, 1.505), CROWN, False),
+        (CROWN, INFRARED, True),
+        (INFRARED, CROWN, False),
+    ],
+)
+def test_films_of_a_surface_have_one_order_at_all_wavelengths(front, behind, from_front):
+    """Indices cross, or are the same: light from behind meets the films reversed, and no wavelength turns them."""
+    face = pl.Surface(math.inf, 1.0, behind, semi_diameter=9.0, coating=ORDERS[True])
+    lens = pl.LensStack([face, pl.CircularStop(5.0)], front_medium=front, rear_medium=behind)
+    for nm in (700.0,) if INFRARED in (front, behind) else (480.0, 700.0):
+        for reverse in (False, True):
+            n_from, n_to = (medium.index(nm) for medium in ((behind, front) if reverse else (front, behind)))
+            # Films in the order in which light meets them are described from the medium of the lower index.
+            meets_in_order = from_front != reverse
+            expected = pl.optics.surface_powers(ORDERS[meets_in_order == (n_from <= n_to)], n_from, n_to, 1.0, nm)
+            z = 2.0 if reverse else -1.0
+            rays = pl.RayBundle([[0.0, 0.0, z]], [[0.0, 0.0, -1.0 if reverse else 1.0]], nm)
+            balance = light_balance(lens, rays, reverse=reverse)
+            assert balance.reflected[0] == pytest.approx(float(expected.reflectance), rel=1e-12)
+            assert balance.transmitted[0] == pytest.approx(float(expected.transmittance), rel=1e-12)
+            traced = (lens.trace_reverse if reverse else lens.trace)(rays).weight[0]
+            assert traced == pytest.approx(float(expected.transmittance), rel=1e-12)
+
+
 def random_rays(lens, n=500, seed=1):
     """Rays that pass the lens and rays that are clipped, from an area in front of it."""
     random, points = np.random.default_rng(seed), pl.paraxial.cardinal_points(lens)
@@ -171,6 +219,20 @@ def test_energy_tables_and_both_directions(lens):
     np.testing.assert_allclose(back.weight, behind.weight[passes], rtol=1e-12)
     reverse = light_balance(lens, pl.RayBundle(behind.origin[passes], -behind.direction[passes]), reverse=True)
     np.testing.assert_allclose(reverse.transmitted, balance.transmitted[passes], rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "single", "mean"), [(1e3, 5e-7, 1.6e-7), (1e4, 6e-5, 3.6e-6), (1e5, 8e-3, 1.7e-4)]
+)
+def test_tables_of_thick_films_err_as_the_documents_state(thickness, single, mean):
+    film = pl.optics.Coating([(pl.ConstantMedium(1.46), thickness)])
+    lens = pl.optics.coated(pl.load_lens("double-gauss-100mm-f2"), film)
+    x, y = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 2)).T
+    rays = pl.RayBundle(np.column_stack([x, y, np.full(2000, -100.0)]), np.tile([0.0, 0.15, 1.0], (2000, 1)), 550.0)
+    traced, exact = lens.trace(rays), light_balance(lens, rays).transmitted
+    errors = (traced.weight - exact)[traced.status == 0]
+    assert 0.5 * single < np.abs(errors).max() < 1.1 * single
+    assert abs(errors.mean()) / exact[traced.status == 0].mean() < 1.1 * mean
 
 
 def test_every_ray_has_the_losses_of_its_wavelength():

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.values import Floats, wavelength_in_nm, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.coatings.surface_powers import SurfacePowers, surface_powers
+from plenoptic.optics.coatings.surface_powers import SurfacePowers, is_from_front, ordered_powers
 from plenoptic.optics.glass.absorption import attenuation
 from plenoptic.optics.lens.analysis.field_aberrations import checked_fields, chief_rays, image_plane, trace_past_rims
 from plenoptic.optics.lens.analysis.illumination import light_directions
@@ -65,7 +65,9 @@ def light_balance(lens: LensStack, rays: RayBundle, *, reverse: bool = False) ->
         light = np.where(passes, light, 0.0)
         if isinstance(element, Surface):
             cosine = np.where(passes, _cosines(element, lens, i, before, after, (index[ahead], index[behind])), 1.0)
-            powers = surface_powers(element.coating, index[ahead], index[behind], cosine, rays.wavelength)
+            nm = rays.wavelength
+            in_order = is_from_front(media[i : i + 2], nm) != reverse
+            powers = ordered_powers(element.coating, index[ahead], index[behind], cosine, nm, in_order)
             through, back = _goes_on(element, powers)
             reflected, absorbed = reflected + light * back, absorbed + light * (1.0 - through - back)
             light = light * through

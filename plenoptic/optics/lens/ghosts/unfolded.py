@@ -11,7 +11,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import PrescriptionError
 from plenoptic.optics.coatings.coating import Coating, Reflectance
-from plenoptic.optics.coatings.surface_powers import surface_powers
+from plenoptic.optics.coatings.surface_powers import is_from_front, ordered_powers
 from plenoptic.optics.glass.media import Medium
 from plenoptic.optics.lens.elements import Element
 from plenoptic.optics.lens.lens_record import FRAME, LensRecord, radiometric_lens_record
@@ -72,11 +72,11 @@ def ghost_stack(lens: LensStack, pair: tuple[int, int], last: int, wavelengths: 
     elements, media = lens.elements, lens.gap_media
     gap = [element.thickness for element in elements]
     stack: list[Element] = list(elements[:first])
-    stack.append(_reflector(elements[first], gap[first - 1], media[first : first + 2], wavelengths))
+    stack.append(_reflector(elements[first], gap[first - 1], media[first : first + 2], wavelengths, reverse=False))
     for k in range(first - 1, second, -1):
         stack.append(_mirror_image(elements[k], gap[k - 1], media[k]))
     rear = _mirror_image(elements[second], gap[second], media[second])
-    stack.append(_reflector(rear, gap[second], media[second : second + 2][::-1], wavelengths))
+    stack.append(_reflector(rear, gap[second], media[second : second + 2], wavelengths, reverse=True))
     stack += elements[second + 1 : last + 1]
     order = [*range(first), *range(first, second, -1), *range(second, last + 1)]
     name = f"{lens.name}, reflected at {first} and {second}"
@@ -102,12 +102,16 @@ def pairs_of(lens: LensStack) -> list[tuple[int, int]]:
     return [(j, i) for j in surfaces for i in surfaces if i < j]
 
 
-def _reflector(element: Element, gap: float, media: tuple[Medium, ...], wavelengths: tuple[float, ...]) -> Surface:
-    """The surface as a mirror in the first of two media, with the reflectance that it has between both."""
+def _reflector(
+    element: Element, gap: float, media: tuple[Medium, ...], wavelengths: tuple[float, ...], *, reverse: bool
+) -> Surface:
+    """The surface as a mirror, with its reflectance between the media in front and behind; `reverse`: from behind."""
     assert isinstance(element, Surface)
     cosines = table_cosines()[::-1]  # tracing interpolates between the same
-    n_from, n_to = (np.array([[medium.index(nm)] for nm in wavelengths]) for medium in media)
-    table = surface_powers(element.coating, n_from, n_to, cosines, np.array(wavelengths)[:, None]).reflectance
+    n_from, n_to = (np.array([[each.index(nm)] for nm in wavelengths]) for each in media[:: -1 if reverse else 1])
+    in_order = np.array([[is_from_front(media, nm) != reverse] for nm in wavelengths])
+    nm = np.array(wavelengths)[:, None]
+    table = ordered_powers(element.coating, n_from, n_to, cosines, nm, in_order).reflectance
     # Rounding may leave more than 1 above the critical angle.
     coating = Reflectance(np.minimum(table, 1.0), wavelengths=wavelengths, angles=np.arccos(cosines))
     return dataclasses.replace(element, thickness=gap, medium=MIRROR, coating=coating)

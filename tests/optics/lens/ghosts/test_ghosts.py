@@ -1,5 +1,6 @@
 """Ghosts: laws of a plate and a thin lens, and two reflections traced in the lens's own frame."""
 
+import dataclasses
 import math
 
 import mirror_trace
@@ -137,6 +138,19 @@ def test_energies_are_those_of_a_trace_that_turns_back(field):
             assert ghosts.centroid[k, 1] == pytest.approx(
                 np.nansum(light * height) / light.sum(), abs=0.05 * ghosts.radius[k]
             )
+
+
+def test_films_in_cement_reflect_differently_from_both_sides():
+    """Planes of index 1.5 with a metal in between: 2-1 has its reflectance from the front, 3-2 that from behind."""
+    glass = pl.ConstantMedium(1.5)
+    films = [(pl.optics.FilmMaterial(2.0, 1.5), 15.0), (pl.ConstantMedium(1.38), 120.0)]
+    cement = pl.optics.Coating(films)
+    plane = pl.Surface(math.inf, 5.0, glass, semi_diameter=20.0)
+    elements = [plane, dataclasses.replace(plane, coating=cement), pl.Surface(math.inf, semi_diameter=20.0)]
+    ghosts = pl.LensStack([pl.CircularStop(5.0, thickness=1.0), *elements]).ghosts(z_image=30.0, rays=64)
+    for name, coating in (("2-1", cement), ("3-2", pl.optics.Coating(films[::-1]))):
+        reflectance = float(pl.optics.surface_powers(coating, 1.5, 1.5, 1.0, 587.6).reflectance)
+        assert ghosts.energy[ghosts.names.index(name)] == pytest.approx(0.04 * reflectance, rel=1e-6)
 
 
 def test_stated_errors_hold():
