@@ -375,3 +375,9 @@ def test_total_reflection_is_a_status():
 def test_zemax_files_refuse_coatings(tmp_path):
     with pytest.raises(pl.errors.PrescriptionError, match=r"element 0 has a coating, which cannot be written as .zmx"):
         pl.save_lens(LENSES["double Gauss"], tmp_path / "lens.zmx")
+
+
+def test_zemax_files_warn_of_absorption(tmp_path):
+    dark = pl.optics.AbsorbingGlass(GLASS, [400.0, 700.0], [0.5, 0.5], thickness=10.0)
+    with pytest.warns(pl.errors.FileWarning, match=r"the absorption of the medium behind element 0 is left out"):
+        pl.save_lens(plate(medium=dark, coating=None), tmp_path / "lens.zmx")

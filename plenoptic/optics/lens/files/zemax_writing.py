@@ -5,7 +5,9 @@ from __future__ import annotations
 import codecs
 import math
 
-from plenoptic.errors import InvalidValueError, PrescriptionError
+from plenoptic.core.warn import warn
+from plenoptic.errors import FileWarning, InvalidValueError, PrescriptionError
+from plenoptic.optics.glass.absorption import AbsorbingGlass
 from plenoptic.optics.glass.bundled import glass
 from plenoptic.optics.glass.media import AIR, C_LINE, D_LINE, F_LINE, Medium, ModelGlass, abbe_number
 from plenoptic.optics.lens.elements import Element
@@ -77,6 +79,8 @@ def _element_lines(element: Element, i: int, *, is_iris: bool) -> list[str]:
 def _glass_lines(medium: Medium, i: int) -> list[str]:
     if medium == AIR:
         return []
+    if isinstance(medium, AbsorbingGlass):
+        warn(f"the absorption of the medium behind element {i} is left out of the .zmx; use .json", FileWarning)
     try:
         nd, vd = float(medium.index(D_LINE)), float(abbe_number(medium))
     except InvalidValueError as error:
