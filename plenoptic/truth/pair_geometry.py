@@ -129,20 +129,23 @@ class PairGeometry:
         """Features (5, n, m), after crosstalk, at places along columns and rows in half sides from the centre."""
         by_row, by_column, orders = _powers(v), _powers(u), np.eye(_DEGREE + 1)
         by_u = np.polynomial.legendre.legval(u, np.polynomial.legendre.legder(orders))
-        share, *differences = by_row.T @ self.coefficients[:3] @ by_column
+        left_part, *differences = by_row.T @ self.coefficients[:3] @ by_column
         rows, columns = (np.minimum((0.5 * at + 0.5) * len(self.lit), len(self.lit) - 1).astype(int) for at in (v, u))
         lit = self.lit[np.ix_(rows, columns)]
-        share = np.where(lit == 0, np.clip(share, 0.0, 1.0), 0.5 + 0.5 * lit)
+        left_part = np.where(lit == 0, np.clip(left_part, 0.0, 1.0), 0.5 + 0.5 * lit)
         differences = [np.where(lit == 0, difference, np.nan) for difference in differences]
         slopes = by_row.T @ self.coefficients[3:] @ by_u * (2.0 / self.camera.sensor.shape[1])
         # Each half keeps a part of its light and gives others to its sides: to the other half of its own pixel, and to
         # that of the next pixel, a column away.
         to_left, retention, to_right = wells_of(self.camera.sensor).crosstalk.sum(axis=0)
         crosstalk = to_left + to_right
-        left, right = retention * share + crosstalk * (1.0 - share), retention * (1.0 - share) + crosstalk * share
+        left, right = (
+            retention * left_part + crosstalk * (1.0 - left_part),
+            retention * (1.0 - left_part) + crosstalk * left_part,
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
-            factor = 1.0 - crosstalk * ((1.0 - share) / left + share / right)
-            by_columns = to_right * (1.0 - share) / left + to_left * share / right
+            factor = 1.0 - crosstalk * ((1.0 - left_part) / left + left_part / right)
+            by_columns = to_right * (1.0 - left_part) / left + to_left * left_part / right
         return np.stack([left, *(factor * differences - by_columns * slopes), *slopes])
 
 
@@ -216,7 +219,7 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
 def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
     """Features (n, 5) of nodes (n, 2) in rows and columns, and the rays of the middle one.
 
-    Where a half is dark, the share alone is finite; where both are, none.
+    Where a half is dark, the part of the left half alone is finite; where both are, none.
     """
     record = camera_record(camera)
     parts, to_local = record.parts, record.parts.sensor_to_local

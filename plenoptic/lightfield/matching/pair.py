@@ -75,15 +75,15 @@ def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats
     costs, noise = np.empty((len(planes), *shape)), np.zeros((2, len(planes)))
     columns = np.fft.rfftfreq(shape[1])
     band = np.hypot(np.fft.fftfreq(shape[0])[:, None], columns) <= _BAND
-    share = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
+    fraction = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
     previous = 3 * (np.zeros(band.shape),)
     for k, disparity in enumerate(planes):
         by_left, by_right = np.fft.rfft2(_point_images(geometry, disparity, shape))
         power = np.abs(by_left) ** 2 + np.abs(by_right) ** 2
         gain = band / np.sqrt(power + _DAMPING**2)
-        noise[0, k] = np.sum(power * gain**2 * share)
+        noise[0, k] = np.sum(power * gain**2 * fraction)
         turn = np.abs(previous[0] * by_right - previous[1] * by_left) * previous[2] * gain / (disparity - planes[k - 1])
-        noise[1, k] = np.sum(turn**2 * share)
+        noise[1, k] = np.sum(turn**2 * fraction)
         costs[k] = np.fft.irfft2((left * by_right - right * by_left) * gain, shape) ** 2 / noise[0, k]
         previous = by_left, by_right, gain
     return costs, noise

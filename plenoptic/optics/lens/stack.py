@@ -287,9 +287,7 @@ class LensStack:
         return findings(self, wavelength)
 
     def transmission(self, field: float = 0.0, wavelength: float = 587.6) -> float:
-        """Fraction of the light of a field (rad along y) that surfaces and glass pass, bare where no coating is given,
-        also in a lens without any, whose images lose nothing; see `aberrations.transmission`.
-        """
+        """Light of a field (rad along y) that passes; surfaces without coating are bare: `aberrations.transmission`."""
         from plenoptic.optics.lens.analysis.transmission import transmission  # imports this module
 
         return float(transmission(self, [field], wavelength=wavelength)[0])

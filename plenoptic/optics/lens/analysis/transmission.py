@@ -23,6 +23,9 @@ from plenoptic.optics.lens.trace import CHUNK, trace_part
 from plenoptic.optics.surfaces.mirror import Mirror
 from plenoptic.optics.surfaces.surface import Surface
 
+_SAME_INDEX = 1e-6
+"""Difference of indices below which rounding turns the normal that follows from both directions of a ray."""
+
 
 class LightBalance(NamedTuple):
     """Fractions of the light of each ray (n,); their sum is 1 to rounding."""
@@ -91,13 +94,13 @@ def _cosines(
 ) -> Floats:
     """Cosines (n,) of the angles of incidence at element i; nan for lost rays.
 
-    n' d' - n d is parallel to the normal. Where the index does not change, the normal is that of the prescription.
+    n' d' - n d is parallel to the normal. Where the index hardly changes, the normal is that of the prescription.
     """
     incident, refracted = before.direction, after.direction
     if isinstance(element.medium, Mirror):
         refracted = refracted @ element.medium.unfolding
     along = indices[1] * refracted - indices[0] * incident
-    if indices[0] == indices[1] and not isinstance(element.medium, Mirror):
+    if abs(indices[1] - indices[0]) < _SAME_INDEX and not isinstance(element.medium, Mirror):
         place = element.placement or Placement()
         turn, vertex = np.asarray(place.rotation), np.array([0.0, 0.0, lens.vertices[i]])
         local = (after.origin - vertex - place.shift) @ turn
