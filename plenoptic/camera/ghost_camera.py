@@ -5,15 +5,18 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.array_reflection import ArrayReflection, Detour
 from plenoptic.camera.assembly import assembly, plane_coefficients, rigid, sensor_corners
 from plenoptic.camera.camera_record import radiance_scale
-from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord
+from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord, fill_ghost_rays
+from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.color.spectra import ColourTables
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.motions.pose import Pose
 from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
@@ -22,11 +25,13 @@ from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.ghosts.ghost_rays import covering_rays, points_on
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pair_records, pairs_of, reflecting_lens
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.lens.loss_record import table_cosines
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
+from plenoptic.optics.microlens.microlens_record import SensorPlane
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -48,20 +53,83 @@ _GUIDES = 1024
 """Entries of the guide table for cumulative probabilities; see `fill_waves`."""
 
 
+class GhostPath(NamedTuple):
+    """Unfolded stack of a pair of reflections; the first of them is `reflection`, unless that is None."""
+
+    stack: LensStack
+    reflection: ArrayReflection | None
+
+
 @value
 class GhostLens:
-    """A lens whose ghosts a camera shows, and the plane behind it that reflects: z in mm on the axis of the lens,
-    reflectance, and its tilt to that axis.
+    """The lens of a camera whose ghosts are shown, and a plane behind it that reflects: z in mm on the axis of the
+    lens, reflectance, and its tilt to that axis.
     """
 
-    lens: LensStack
+    camera: PlenopticCamera
+    ghosts: Ghosts
     sensor: tuple[float, float] | None
     placement: Placement | None = None
 
-    @property
-    def reflecting(self) -> LensStack:
-        """The lens with surfaces that reflect, and the plane as its last element."""
-        return reflecting_lens(self.lens, self.sensor, self.placement)
+    def paths(self, wavelengths: tuple[float, ...]) -> list[GhostPath]:
+        """Paths of all pairs at wavelengths in nm, those by a reflection behind the microlenses last."""
+        camera, lens = self.camera, self.camera.lens
+        last, whole = len(lens.elements) - 1, reflecting_lens(lens, self.sensor, self.placement)
+        paths = [GhostPath(ghost_stack(whole, pair, last, wavelengths), None) for pair in pairs_of(whole)]
+        reflections = [] if camera.microlenses is None else array_reflections(camera, self.ghosts, wavelengths)
+        if reflections:
+            # A mirror in the place of the array divides the stacks.
+            whole = reflecting_lens(lens, (reflections[0].parts.z_plane, 1.0))
+            stacks = [ghost_stack(whole, pair, last, wavelengths) for pair in pairs_of(whole) if pair[0] > last]
+            paths += [GhostPath(stack, reflection) for reflection in reflections for stack in stacks]
+        return paths
+
+
+def path_records(
+    paths: list[GhostPath], wavelength: float | Floats, array: int, *, reverse: bool
+) -> list[tuple[LensRecord, Detour | None]]:
+    """Compiled paths; a detour follows the record of elements before it. `array` is the place of the array in stacks."""
+    records = []
+    for path, record in zip(
+        paths, pair_records([path.stack for path in paths], wavelength, reverse=reverse), strict=True
+    ):
+        if path.reflection is None:
+            records.append((record, None))
+            continue
+        count = len(record.rows)
+        row, z = count - 1 - array if reverse else array, float(path.stack.vertices[array])
+        records.append((_part(record, 0, row), Detour(path.reflection, z, _part(record, row + 1, count))))
+    return records
+
+
+def _part(record: LensRecord, begin: int, end: int) -> LensRecord:
+    """Record of elements begin ... end - 1 with their losses."""
+    assert record.losses is not None
+    return record.part(begin, end)._replace(losses=record.losses.part(begin, end))
+
+
+def array_reflections(
+    camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tuple[float, ...]
+) -> list[ArrayReflection]:
+    """Mirrors behind the microlenses of a camera: its sensor, and faces of plates."""
+    microlenses = camera.microlenses
+    assert microlenses is not None
+    mirrors: list[tuple[SensorPlane | None, float]] = []
+    if ghosts.sensor is not None:
+        if not microlenses.model.focuses:
+            raise InvalidValueError(
+                "ghosts have a reflectance of the sensor, whose light would have to meet pinholes a second time; leave "
+                "it out, or choose another model of the microlenses"
+            )
+        mirrors.append((forward_record(camera).sensor._replace(axes=None), ghosts.sensor))
+    if ghosts.array is not None:
+        mirrors += [(face, ghosts.array) for face in microlenses.model.refraction.faces(microlenses)]
+    if not mirrors:
+        return []
+    nm = (camera.wavelength,) if microlenses.medium is None else wavelengths
+    records = [forward_record(dataclasses.replace(camera, wavelength=each)) for each in nm]
+    arrays = tuple(record.array for record in records if record.array is not None)
+    return [ArrayReflection(microlenses, arrays, records[0].parts, *mirror) for mirror in mirrors]
 
 
 def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
@@ -100,26 +168,21 @@ def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
 
 
 def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
-    """The lens of a camera with the reflectance of its sensor, or of a plane at the first vertex of its microlenses."""
-    sensor, array = ghosts.sensor, ghosts.array
-    if sensor is not None and camera.microlenses is not None:
-        raise InvalidValueError(
-            "ghosts have a reflectance of the sensor, and light is not traced back through microlenses; give that of "
-            "the array, or none"
-        )
-    if array is not None and camera.microlenses is None:
+    """The lens of a camera with the plane of its sensor as a mirror, or that of a flat face of its microlenses."""
+    microlenses, reflectance, placed, front = camera.microlenses, ghosts.sensor, camera.sensor_placement, 0.0
+    if microlenses is not None:
+        refraction = microlenses.model.refraction
+        reflectance = ghosts.array if refraction.is_flat_in_front(microlenses) else None
+        placed, front = camera.microlenses_placement, refraction.depths(microlenses).front
+    elif ghosts.array is not None:
         raise InvalidValueError(
             "ghosts have a reflectance of the array, and the camera has no microlenses: leave it out"
         )
-    microlenses, reflectance, placed, front = camera.microlenses, sensor, camera.sensor_placement, 0.0
-    if microlenses is not None:
-        reflectance, placed = array, camera.microlenses_placement
-        front = microlenses.model.refraction.depths(microlenses).front
     if reflectance is None:
-        return GhostLens(camera.lens, None)
+        return GhostLens(camera, ghosts, None)
     plane = rigid(camera.lens_placement, 0.0).inverse().of(rigid(placed, camera.stop_to_microlenses))
     z, tilt = plane_coefficients(plane._replace(shift=plane.points(np.array([0.0, 0.0, -front]))))
-    return GhostLens(camera.lens, (z, reflectance), None if tilt is None else Placement(rotation=plane.turn))
+    return GhostLens(camera, ghosts, (z, reflectance), None if tilt is None else Placement(rotation=plane.turn))
 
 
 def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:
@@ -136,35 +199,42 @@ def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArr
 
 def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTables | None) -> GhostRecord:
     """Compile the pairs of a lens; `camera` is that of `opening_camera`, and `colour` has the wavelengths of paths."""
-    lens, last = ghosts.reflecting, len(ghosts.lens.elements) - 1
-    pairs, vertices = pairs_of(lens), ghosts.lens.vertices
-    if not pairs:
+    paths = ghosts.paths((camera.wavelength,))
+    if not paths:
         raise InvalidValueError("the lens has a single reflecting surface, and no pair throws ghosts: leave them out")
-    stacks = [ghost_stack(lens, pair, last, (camera.wavelength,)) for pair in pairs]
-    light, slope, scale = np.array([_pilot(stack, camera) for stack in stacks]).T
-    shares = light / light.sum() if light.any() else np.full(len(stacks), 1.0 / len(stacks))
-    probability = _EVEN / len(stacks) + (1.0 - _EVEN) * shares
+    record = _record(ghosts, paths, camera.wavelength)
+    light, slope, scale = _pilot(record, ghosts.camera.lens, camera)
+    shares = light / light.sum() if light.any() else np.full(len(paths), 1.0 / len(paths))
+    probability = _EVEN / len(paths) + (1.0 - _EVEN) * shares
     aims, draws = None, probability
     if camera.microlenses is None and not _is_special(camera):
         aims = GhostAims(slope, scale, camera.lens.stop.semi_diameter, camera.stop_to_microlenses)
         draws = np.outer(probability, (WIDE, 1.0 - WIDE)).ravel()
     cumulative = np.append(np.cumsum(draws)[:-1], 1.0)
-    at: float | Floats = camera.wavelength
-    bands = None
     if colour is not None:
-        at, bands = _bands(stacks, colour)
-        stacks = [ghost_stack(lens, pair, last, tuple(at.tolist())) for pair in pairs]
-    rear = np.array([stack.vertices[-1] for stack in stacks])
-    front = np.array([stack.vertices[0] for stack in stacks]) - vertices[0] + vertices[-1]
+        at, bands = _bands([path.stack for path in paths], colour)
+        record = _record(ghosts, ghosts.paths(tuple(at.tolist())), at)._replace(bands=bands)
+    guide = np.searchsorted(cumulative, np.arange(_GUIDES) / _GUIDES, side="right")
+    return record._replace(probability=probability, cumulative=cumulative, guide=guide, aims=aims)
+
+
+def _record(ghosts: GhostLens, paths: list[GhostPath], wavelength: float | Floats) -> GhostRecord:
+    """Compile paths, each of which is drawn with certainty."""
+    vertices, array = ghosts.camera.lens.vertices, len(ghosts.camera.lens.elements)
+    lenses, detours = zip(*path_records(paths, wavelength, array, reverse=True), strict=True)
+    rear = np.array([path.stack.vertices[-1] for path in paths])
+    front = np.array([path.stack.vertices[0] for path in paths]) - vertices[0] + vertices[-1]
     return GhostRecord(
-        pair_records(stacks, at, reverse=True),
-        np.column_stack([rear, front]),
-        probability,
-        cumulative,
-        np.searchsorted(cumulative, np.arange(_GUIDES) / _GUIDES, side="right"),
-        max(len(stack.elements) for stack in stacks),
-        bands,
-        aims,
+        lenses,
+        detours,
+        shifts=np.column_stack([rear, front]),
+        probability=np.ones(len(paths)),
+        cumulative=np.ones(1),
+        guide=np.zeros(1, dtype=np.int64),
+        elements=max(len(path.stack.elements) for path in paths),
+        bands=None,
+        arrays=max((len(each.reflection.arrays) for each in detours if each is not None), default=1),
+        aims=None,
     )
 
 
@@ -173,7 +243,7 @@ def ghost_camera(prepared: PreparedCamera, ghosts: GhostLens, camera: PlenopticC
     record = prepared.record
     paths = ghost_record(ghosts, camera, record.colour)
     nm = (camera.wavelength,) if record.colour is None else tuple(record.colour.wavelengths.tolist())
-    scale = radiance_scale(ghosts.lens, nm)
+    scale = radiance_scale(ghosts.camera.lens, nm)
     ghost_images = copy.copy(prepared)
     ghost_images.record = record._replace(ghosts=paths, elements=paths.elements, radiance_scale=scale)
     return ghost_images
@@ -185,26 +255,29 @@ def _is_special(camera: PlenopticCamera) -> bool:
     return bool(camera.blemishes) or any(part is not None for part in parts)
 
 
-def _pilot(stack: LensStack, camera: PlenopticCamera) -> tuple[float, float, float]:
-    """Light of a uniform scene at some image points along a stack, and slope and scale of its disc; see `GhostAims`."""
-    uniform, z_last = sobol_points(_PILOT_RAYS)[:, :2], float(stack.vertices[-1])
-    offsets = np.array(_PILOT_HEIGHTS) * camera.sensor.half_diagonal / math.sqrt(2.0)
-    beams = [
-        covering_rays(
-            stack.elements[-1],
-            z_last,
-            np.array([offset, offset, z_last + camera.stop_to_microlenses]),
-            uniform,
-            camera.wavelength,
-        )
-        for offset in offsets
-    ]
+def _pilot(record: GhostRecord, lens: LensStack, camera: PlenopticCamera) -> tuple[Floats, Floats, Floats]:
+    """Light of a uniform scene at some image points by each path, and slope and scale of its disc; see `GhostAims`."""
+    uniform = sobol_points(_PILOT_RAYS)
+    offsets, pitch = np.array(_PILOT_HEIGHTS) * camera.sensor.half_diagonal / math.sqrt(2.0), 0.0
+    if camera.microlenses is not None:
+        pitch = max(camera.microlenses.pitches)  # over all parts of microlenses
+    starts = [np.array([offset, offset, camera.stop_to_microlenses]) for offset in offsets]
+    beams = [covering_rays(lens.elements[-1], 0.0, at, uniform[:, :2], camera.wavelength) for at in starts]
     origin, direction = (np.concatenate([getattr(b, name) for b in beams]) for name in ("origin", "direction"))
-    rays = RayBundle(origin, direction, camera.wavelength)
-    weight = stack.trace_reverse(rays).weight
-    at, offset_of = rays.at_z(z_last)[weight > 0, :2], np.repeat(offsets, _PILOT_RAYS)[weight > 0]
-    if not len(at):
-        return 0.0, 0.0, 1.0
-    slope = float(offset_of @ at.mean(axis=1) / (offset_of @ offset_of))
-    reach = np.hypot(*(at - slope * offset_of[:, None]).T).max()
-    return float(weight.sum()), slope, min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)
+    origin = origin + np.column_stack([np.tile(pitch * (uniform[:, 2:4] - 0.5), (len(starts), 1)), np.zeros(len(origin))])
+    at, columns = RayBundle(origin, direction, camera.wavelength).at_z(0.0)[:, :2], []
+    rows = np.column_stack([origin, direction, np.ones(len(at)), np.zeros(len(at))])  # whole blocks
+    for k in range(len(record.lenses)):
+        blocks = np.ascontiguousarray(rows.reshape(-1, BLOCK, RAY // BLOCK).transpose(0, 2, 1))
+        fill_ghost_rays(blocks.reshape(-1), record, np.full(len(at), k), None)
+        weight = blocks[:, WEIGHT // BLOCK].ravel()
+        lit, offset_of = at[weight > 0], np.repeat(offsets, _PILOT_RAYS)[weight > 0]
+        if not len(lit):
+            columns.append((0.0, 0.0, 1.0))
+            continue
+        slope = float(offset_of @ lit.mean(axis=1) / (offset_of @ offset_of))
+        reach = np.hypot(*(lit - slope * offset_of[:, None]).T).max()
+        scale = min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)
+        columns.append((float(weight.sum()), slope, scale))
+    light, slope, scale = np.array(columns).T
+    return light, slope, scale

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, WEIGHT, Z
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
+
+if TYPE_CHECKING:
+    from plenoptic.camera.array_reflection import Detour
 
 
 class GhostAims(NamedTuple):
@@ -30,6 +33,8 @@ class GhostRecord(NamedTuple):
     """Unfolded stacks of pairs of reflecting surfaces for kernels, in the reverse direction."""
 
     lenses: tuple[LensRecord, ...]
+    detours: tuple[Detour | None, ...]
+    """Reflections behind the microlenses, and what follows in the stacks; None: both reflections are in the stack."""
     shifts: Floats
     """(pairs, 2): z in the frame of the stack minus that in the frame of the opening, behind and in front, mm."""
     probability: Floats
@@ -41,6 +46,8 @@ class GhostRecord(NamedTuple):
     """Elements of the longest stack."""
     bands: NDArray[np.int64] | None
     """(W,): column of the records for each wavelength that paths draw; None if all have the camera's."""
+    arrays: int
+    """Number of bands if the microlenses of detours differ between them, otherwise 1."""
     aims: GhostAims | None
     """None if all rays stay aimed at the opening."""
 
@@ -55,16 +62,24 @@ def fill_ghost_rays(
     """Trace the rays of a bundle at the opening along their pairs, in place; weights get the inverse probability."""
     rows, trace = bundle.reshape(-1, RAY // BLOCK, BLOCK), fill_through_lens.specialize()
     pairs = draws if ghosts.aims is None else draws // 2
-    for pair in np.unique(pairs).tolist():
-        rays = np.flatnonzero(pairs == pair)
+    bands = None if waves is None or ghosts.bands is None else ghosts.bands[waves[: len(draws)]]
+    arrays = ghosts.arrays if bands is not None else 1
+    groups = pairs if arrays == 1 else pairs * arrays + bands
+    if any(ghosts.detours):
+        from plenoptic.camera.array_reflection import fill_detour  # few ghosts return through microlenses
+    for group in np.unique(groups).tolist():
+        pair, band = divmod(group, arrays)
+        detour, rays = ghosts.detours[pair], np.flatnonzero(groups == group)
         whole = np.append(rays, np.full(-len(rays) % BLOCK, rays[0]))  # whole blocks
         block, place = np.divmod(whole, BLOCK)
         part = np.ascontiguousarray(rows[block, :, place].reshape(-1, BLOCK, RAY // BLOCK).transpose(0, 2, 1))
+        blocks, columns = part.reshape(-1), None if bands is None else bands[whole]
         if ghosts.aims is not None:
             _fill_aims(part, ghosts.aims, pair, draws[whole].reshape(-1, BLOCK) % 2 == 1)
         part[:, Z // BLOCK] += ghosts.shifts[pair, 0]
-        bands = None if waves is None or ghosts.bands is None else ghosts.bands[waves[whole]]
-        trace(part.reshape(-1), ghosts.lenses[pair], bands)
+        trace(blocks, ghosts.lenses[pair], columns)
+        if detour is not None:
+            fill_detour(blocks, detour, columns, band)
         part[:, Z // BLOCK] -= ghosts.shifts[pair, 1]
         part[:, WEIGHT // BLOCK] /= ghosts.probability[pair]
         rows[block[: len(rays)], :, place[: len(rays)]] = part.transpose(0, 2, 1).reshape(-1, RAY // BLOCK)[: len(rays)]

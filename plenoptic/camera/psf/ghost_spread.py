@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.ghost_camera import ghost_lens
+from plenoptic.camera.ghost_camera import ghost_lens, path_records
 from plenoptic.camera.psf.psf_results import Spot, add_spots, trace_spots
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, in_lens_axes, radiometric_record, ray_tasks
 from plenoptic.core.values import Floats
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
-from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pair_records, pairs_of, reflecting_lens
+from plenoptic.optics.lens.ghosts.unfolded import reflecting_lens
+from plenoptic.optics.lens.lens_record import LensRecord
 from plenoptic.optics.lens.pupil.entrance_pupil import entrance
 
 if TYPE_CHECKING:
@@ -23,18 +24,23 @@ def ghost_records(camera: PlenopticCamera, ghosts: Ghosts) -> list[ForwardRecord
 
     Stacks begin at the first vertex of the lens, in its axes. Rays are aimed at the rim of the first element.
     """
-    lens, vertices = ghost_lens(camera, ghosts).reflecting, camera.lens.vertices
-    last = len(camera.lens.elements) - 1
+    vertices, array = camera.lens.vertices, len(camera.lens.elements)
     first_element = entrance(reflecting_lens(camera.lens), camera.wavelength)
     record = radiometric_record(camera)._replace(ideal=False, entrance=first_element)
-    stacks = [ghost_stack(lens, pair, last, (camera.wavelength,)) for pair in pairs_of(lens)]
-    records = []
-    for stack, path in zip(stacks, pair_records(stacks, camera.wavelength, reverse=False), strict=True):
-        front, rear = (float(stack.vertices[k] - vertices[k]) for k in (0, -1))
-        rows = path.rows.copy()
-        rows["z"] -= front
-        records.append(record._replace(lens=path._replace(rows=rows), unfolded=rear - front))
+    paths = ghost_lens(camera, ghosts).paths((camera.wavelength,))
+    compiled, records = path_records(paths, camera.wavelength, array, reverse=False), []
+    for path, (lens, detour) in zip(paths, compiled, strict=True):
+        front, rear = (float(path.stack.vertices[k] - vertices[k]) for k in (0, -1))
+        if detour is not None:
+            detour = detour._replace(z=detour.z - front, lens=_moved(detour.lens, -front))
+        records.append(record._replace(lens=_moved(lens, -front), unfolded=rear - front, detour=detour))
     return records
+
+
+def _moved(lens: LensRecord, along: float) -> LensRecord:
+    rows = lens.rows.copy()
+    rows["z"] += along
+    return lens._replace(rows=rows)
 
 
 def ghost_spots(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plenoptic.camera.array_reflection import Detour, fill_detour
 from plenoptic.camera.assembly import Assembly, assembly, sensor_corners
 from plenoptic.camera.camera_rays import fill_losses_before_array
 from plenoptic.camera.camera_record import response_record
@@ -104,6 +105,8 @@ def fill_to_sensor(blocks: Floats, record: ForwardRecord) -> None:
 
     fill_dust_at_lens(blocks, record.dust, BlemishSite.LENS_FRONT)
     fill_through_lens(blocks, record.lens, None)
+    if record.detour is not None:
+        fill_detour(blocks, record.detour, None, 0)
     if record.unfolded is not None:
         blocks.reshape(-1, RAY // BLOCK, BLOCK)[:, Z // BLOCK] -= record.unfolded
     if record.ideal:
@@ -146,6 +149,8 @@ class ForwardRecord(NamedTuple):
     iris: IrisRecord | None = None
     unfolded: float | None = None
     """z behind the unfolded stack of a ghost, which is `lens`, minus z in the axes of the camera's lens, mm."""
+    detour: Detour | None = None
+    """Reflection behind the microlenses, where the stack goes on; None: none."""
 
     @property
     def has_losses_before_array(self) -> bool:
@@ -287,7 +292,8 @@ def trace_task(record: ForwardRecord, task: RayTask, seed: np.uint64) -> LandedR
 
     sensor = record.camera.sensor
     rows = np.empty(task.n, HIT)
-    elements = max(len(record.camera.lens.elements), len(record.lens.rows))  # ideal lenses have fewer rows
+    last = record.lens if record.detour is None else record.detour.lens
+    elements = max(len(record.camera.lens.elements), int(last.rows["surface_index"].max()) + 1)  # few of ideal lenses
     counts = np.zeros(CAUSES * (elements + 1), dtype=np.int64)
     blocks = np.empty(-(-min(BUNDLE, task.n) // BLOCK) * RAY)
     aims = np.empty(blocks.size if record.has_losses_before_array else 0)

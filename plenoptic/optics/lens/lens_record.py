@@ -102,10 +102,14 @@ class LensRecord(NamedTuple):
         return completed
 
     def part(self, begin: int, end: int) -> LensRecord:
-        """Record of elements begin ... end - 1, without losses; `begin` must be 0 if the lens has masks."""
+        """Record of elements begin ... end - 1, without losses."""
         by_element = ("rows", "conic", "aspheric", "freeform", "frames", "mirrors", "index_ratios")
         cut = {name: column[begin:end] for name in by_element if (column := getattr(self, name)) is not None}
-        return self._replace(first_edge=self.first_edge[begin : end + 1], losses=None, **cut)
+        masks = self.masks
+        if masks is not None:
+            masks = masks[MASK_HEAD * begin :].copy()
+            masks[: MASK_HEAD * (end - begin) : MASK_HEAD] -= MASK_HEAD * begin
+        return self._replace(first_edge=self.first_edge[begin : end + 1], masks=masks, losses=None, **cut)
 
 
 def lens_record(

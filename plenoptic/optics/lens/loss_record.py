@@ -35,6 +35,14 @@ class LossRecord(NamedTuple):
     absorbing: NDArray[np.bool_] | None
     """(n,) True if it is not 0."""
 
+    def part(self, begin: int, end: int) -> LossRecord:
+        """Losses of elements begin ... end - 1; before the first one nothing attenuates light."""
+        if self.attenuation is None or self.absorbing is None:
+            return self._replace(transmittance=self.transmittance[begin:end])
+        attenuation, absorbing = self.attenuation[begin:end].copy(), self.absorbing[begin:end].copy()
+        attenuation[0], absorbing[0] = 0.0, False
+        return LossRecord(self.transmittance[begin:end], attenuation, absorbing)
+
 
 def table_cosines() -> Floats:
     """Rising cosines of the angles at which tables are computed."""

@@ -13,7 +13,7 @@ from plenoptic.optics.microlens.model_records import ArrayCrossing, Depths, Lens
 if TYPE_CHECKING:
     from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
-    from plenoptic.optics.microlens.microlens_record import ArrayRecord
+    from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
 
 
 class IdealMicrolenses(NamedTuple):
@@ -77,6 +77,17 @@ class IdealMicrolenses(NamedTuple):
 
         array, sensor, z_plane = crossing
         fill_thin_forward(blocks, z_plane, sensor, array, array if differs else None)
+
+    def mirrored(self, model: None) -> None:
+        """Record of the mirror image of the model in a plane perpendicular to the axis."""
+
+    def faces(self, array: MicrolensArray) -> tuple[SensorPlane | None, ...]:
+        """Faces that reflect light, but for a plane in front: planes behind the rear principal one; None: curved sides."""
+        return ()
+
+    def is_flat_in_front(self, array: MicrolensArray) -> bool:
+        """True if a plane through the first vertex stands for the face towards the lens."""
+        return True
 
     def trace_rays(
         self, rays: RayBundle, traced: TracedPaths, array: ArrayRecord, differs: bool, index: float

@@ -18,7 +18,7 @@ from plenoptic.optics.microlens.model_records import ArrayCrossing, Depths, Lens
 if TYPE_CHECKING:
     from plenoptic.core.rays import RayBundle
     from plenoptic.optics.microlens.array import MicrolensArray
-    from plenoptic.optics.microlens.microlens_record import ArrayRecord
+    from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
 
 _HIGH_INDEX = 10.0
 """Smallest index of flat plates."""
@@ -147,6 +147,36 @@ class PlanoConvexMicrolenses(NamedTuple):
         else:
             z_front -= inside
         fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
+
+    def mirrored(self, model: PlateRecord) -> PlateRecord:
+        """Plates whose curved side faces the other way."""
+        return model._replace(towards_scene=not model.towards_scene)
+
+    def faces(self, array: MicrolensArray) -> tuple[SensorPlane | None, ...]:
+        """Both faces, or the curved one if light meets the plane first; FLAT_HIGH_INDEX has no height."""
+        if self.is_flat:
+            return ()
+        from plenoptic.optics.microlens.microlens_record import SensorPlane  # imports this module
+
+        flat = SensorPlane(self.depths(array).rear, None)
+        return (None, flat) if array.convex_side is ConvexSide.SCENE else (None,)
+
+    def is_flat_in_front(self, array: MicrolensArray) -> bool:
+        """True if light from the lens meets a plane first."""
+        return self.is_flat or array.convex_side is ConvexSide.SENSOR
+
+    def reflect(self, blocks: Floats, crossing: ArrayCrossing, differs: bool) -> None:
+        """Trace rays behind the main lens to the curved sides, which reflect them, and back to the front principal
+        plane, in the mirror image of space; on exit they are as those of `to_sensor`.
+        """
+        from plenoptic.optics.microlens.kernels.curved_mirror import fill_curved_reflection
+
+        array, sensor, z_front = crossing
+        plate = array.model
+        assert isinstance(plate, PlateRecord)
+        inside = 0.0 if plate.towards_scene else plate.thickness / plate.refractive_index
+        plane = sensor._replace(distance=-inside)
+        fill_curved_reflection(blocks, z_front - inside, plane, plate, array, array if differs else None)
 
     def trace_rays(
         self, rays: RayBundle, traced: TracedPaths, array: ArrayRecord, differs: bool, index: float

@@ -36,17 +36,22 @@ def test_light_of_all_ghosts_of_a_point_is_that_of_the_table(sensor):
 
 
 @pytest.mark.parametrize(
-    "lens, array", [(TRIPLET, False), pytest.param(SINGLET, True, marks=pytest.mark.slow)], ids=["sensor", "array"]
+    "lens, mirrors, array",
+    [
+        (TRIPLET, {"sensor": 0.3}, False),
+        pytest.param(SINGLET, {"array": 1.0}, True, marks=pytest.mark.slow),
+        (SINGLET, {"sensor": 1.0}, True),
+    ],
+    ids=["sensor", "array", "sensor behind an array"],
 )
-def test_points_of_a_lamp_have_the_ghosts_of_its_image(lens, array):
-    camera, ghosts = camera_of(lens, side=12 if array else 6), pl.rendering.Ghosts(sensor=0.3, samples=1024)
+def test_points_of_a_lamp_have_the_ghosts_of_its_image(lens, mirrors, array):
+    camera, ghosts = camera_of(lens, side=12 if array else 6), pl.rendering.Ghosts(**mirrors, samples=1024)
     if array:
         camera = dataclasses.replace(
             camera,
             microlenses=pl.MicrolensArray(pitch=3.0, focal_lengths=(9.0,), lattice=pl.Lattice.SQUARE),
             microlenses_to_sensor=8.0,
         )
-        ghosts = pl.rendering.Ghosts(array=1.0, samples=1024)
     block = 3 if array else 1  # the micro images of points are small
     backwards = bins(ghosts_of(camera, scene_of(0.0), ghosts), block)
     # Points are drawn one in each cell of a grid on the lamp, whose centre is at x = 10 mm.

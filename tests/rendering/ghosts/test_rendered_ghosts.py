@@ -1,6 +1,7 @@
 """Ghosts in images beside paths that reflect by chance at all surfaces of the lens, and laws of their light."""
 
 import dataclasses
+import functools
 import math
 
 import mirror_trace
@@ -71,8 +72,23 @@ def test_images_of_ghosts_are_those_of_paths_that_reflect_by_chance(lens, backgr
     assert abs(totals.mean() - expected.sum()) < 4 * total_error < 0.1 * expected.sum()
 
 
-def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
-    """Light of two reflections on each pixel behind thin microlenses, the array among the surfaces, and its error.
+def returned(camera, p, d):
+    """Rays from the lens through thin microlenses to the sensor, a mirror, and back, of unchanged weights: images count
+    etendue at the sensor, where paths begin.
+    """
+    array, z = camera.microlenses, camera.stop_to_microlenses
+    d = np.where(d[:, 2:] > 0, d, np.nan)
+    at = (p + ((z - p[:, 2]) / d[:, 2])[:, None] * d)[:, :2]
+    slope = d[:, :2] / d[:, 2:]
+    slope = slope - (at - array.pitch * np.round(at / array.pitch)) / array.focal_lengths[0]
+    at = at + 2.0 * camera.microlenses_to_sensor * slope
+    slope = slope - (at - array.pitch * np.round(at / array.pitch)) / array.focal_lengths[0]
+    length = np.sqrt(1.0 + np.square(slope).sum(axis=1))
+    return np.column_stack([at, np.full(len(at), z)]), np.column_stack([slope, -np.ones(len(at))]) / length[:, None], 1.0
+
+
+def array_by_chance(camera, mirror, *, batches=24, n=500_000, seed=5):
+    """Light of two reflections on each pixel behind thin microlenses, with a mirror among the surfaces, and its error.
 
     Paths run from points of the array through points of a disc at the last element, and reflect by chance. On the other
     side, the microlens with the nearest centre of a square lattice refracts them to a pixel. A pixel is the mean of
@@ -96,7 +112,7 @@ def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
         backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
         start = np.column_stack([crossing, np.full(n, z)])[lands]
         p, d, light, turns = mirror_trace.chance(
-            lens, start, backwards, random, sensor=(z, reflectance, np.array([0.0, 0.0, 1.0]))
+            lens, start, backwards, random, sensor=mirror
         )
         d = np.where(d[:, 2:] < 0, d, np.nan)
         hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
@@ -109,16 +125,21 @@ def array_by_chance(camera, reflectance, *, batches=24, n=500_000, seed=5):
     return factor * mean, factor * np.sqrt((square - mean**2) / (batches * n))
 
 
-@pytest.mark.parametrize("lens", [SINGLET, pytest.param(TRIPLET, marks=pytest.mark.slow)], ids=["singlet", "triplet"])
-def test_ghosts_of_the_array_are_those_of_paths_that_reflect_by_chance(lens):
-    """A mirror as the array, whose pairs are most of the light; micro images of a near lamp overlap."""
+@pytest.mark.parametrize(
+    "lens, mirror",
+    [(SINGLET, "array"), (SINGLET, "sensor"), pytest.param(TRIPLET, "array", marks=pytest.mark.slow)],
+)
+def test_ghosts_behind_microlenses_are_those_of_paths_that_reflect_by_chance(lens, mirror):
+    """The array or the sensor as a mirror, whose pairs are most of the light; micro images of a near lamp overlap."""
     camera = dataclasses.replace(
         camera_of(lens, side=24),
         microlenses=pl.MicrolensArray(pitch=3.0, focal_lengths=(9.0,), lattice=pl.Lattice.SQUARE),
         microlenses_to_sensor=8.0,
     )
-    expected, expected_error = array_by_chance(camera, 1.0)
-    images = ghosts_of(camera, scene_of(0.0), pl.rendering.Ghosts(array=1.0, samples=1024))
+    flat = camera.stop_to_microlenses, 1.0, np.array([0.0, 0.0, 1.0])
+    by_mirror = flat if mirror == "array" else functools.partial(returned, camera)
+    expected, expected_error = array_by_chance(camera, by_mirror)
+    images = ghosts_of(camera, scene_of(0.0), pl.rendering.Ghosts(samples=1024, **{mirror: 1.0}))
     for side in (1, 3, 24):
         ours, theirs = bins(images, side), bins(expected, side)
         image, squares = ours.mean(axis=0), bins(np.square(expected_error), side)
@@ -190,7 +211,7 @@ def test_cameras_that_are_turned_as_a_whole_have_the_same_ghosts():
     turn = rotation_about_axes((0.12, 0.05, 0.0))
     for camera, ghosts in (
         (camera_of(SINGLET, side=4), pl.rendering.Ghosts(sensor=0.9, samples=1024)),
-        (pl.camera.example_camera(shape=(32, 32)), pl.rendering.Ghosts(array=0.9, samples=128)),
+        (pl.camera.example_camera(shape=(32, 32)), pl.rendering.Ghosts(sensor=0.9, array=0.9, samples=128)),
     ):
         z = {"lens": 0.0, "sensor": camera.z_sensor}
         if camera.microlenses is not None:
@@ -240,15 +261,17 @@ def test_ghosts_of_the_array_bring_the_light_that_a_sensor_in_its_place_gets():
 
 
 def test_the_face_of_thick_microlenses_is_their_first_vertex():
-    """Light returns from the flat side of glass in front, thickness / index before the front principal plane."""
-    sides = pl.optics.ConvexSide
-    for side, distance in ((sides.SENSOR, 0.4 / 1.6), (sides.SCENE, 0.0)):
-        array = pl.MicrolensArray(
-            0.2, (2.0,), model=pl.optics.MicrolensModel.SPHERICAL, thickness=0.4, index=1.6, convex_side=side
-        )
+    """Light returns from the flat side of glass in front, thickness / index before the front principal plane; curved
+    sides, and all behind them, are no planes of the stacks.
+    """
+    model, sides, mirrors = pl.optics.MicrolensModel.SPHERICAL, pl.optics.ConvexSide, []
+    for side in (sides.SENSOR, sides.SCENE):
+        array = pl.MicrolensArray(0.2, (2.0,), model=model, thickness=0.4, index=1.6, convex_side=side)
         camera = dataclasses.replace(camera_of(SINGLET), microlenses=array, microlenses_to_sensor=2.0)
-        z, reflectance = ghost_lens(camera, pl.rendering.Ghosts(array=0.1)).sensor
-        assert (camera.stop_to_microlenses - z, reflectance) == (pytest.approx(distance, abs=1e-12), 0.1)
+        mirrors.append(ghost_lens(camera, pl.rendering.Ghosts(array=0.1)).sensor)
+    z, reflectance = mirrors[0]
+    assert (camera.stop_to_microlenses - z, reflectance) == (pytest.approx(0.4 / 1.6, abs=1e-12), 0.1)
+    assert mirrors[1] is None
 
 
 def test_spectral_cameras_have_the_ghosts_of_their_wavelengths():
@@ -306,7 +329,9 @@ def test_bad_input_is_answered_by_a_sentence():
     with pytest.raises(error, match=r"sensor is 1\.2; its reflectance must be from 0 to 1"):
         pl.rendering.Ghosts(sensor=1.2)
     plenoptic, options = pl.camera.example_camera(shape=(8, 8)), {"samples": 2, "progress": False}
-    with pytest.raises(error, match="light is not traced back through microlenses"):
-        pl.render(WHITE, plenoptic, ghosts=pl.rendering.Ghosts(sensor=0.2), **options)
+    pinholes = dataclasses.replace(plenoptic.microlenses, model=pl.optics.MicrolensModel.PINHOLE)
+    with pytest.raises(error, match="pinholes a second time"):
+        camera = dataclasses.replace(plenoptic, microlenses=pinholes)
+        pl.render(WHITE, camera, ghosts=pl.rendering.Ghosts(sensor=0.2), **options)
     with pytest.raises(error, match="no microlenses: leave it out"):
         pl.render(WHITE, camera_of(TRIPLET), ghosts=pl.rendering.Ghosts(array=0.2), **options)

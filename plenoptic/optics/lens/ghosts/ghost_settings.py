@@ -21,10 +21,11 @@ class Ghosts:
         Number of reflections: 2, and no other. Four bring the square of that light or less: 0.045 % of the image in a
         bare Cooke triplet, where two bring 2.28 %.
     sensor : float, optional
-        Reflectance of the sensor of a camera without microlenses, such as `sensor.silicon_reflectance`; None: none.
+        Reflectance of the sensor as a mirror, such as `sensor.silicon_reflectance`, also behind microlenses, which its
+        light passes again; None: none.
     array : float, optional
-        Reflectance of the face of a microlens array towards the lens, as a plane at its first vertex that is
-        perpendicular to its axis: right for flat faces, while curved ones spread the light; None: none.
+        Reflectance of each face of SPHERICAL microlenses, or of a plane at the first vertex of those of other models;
+        None: none.
     samples : int, optional
         Paths of ghosts for each pixel in `render`; None: a quarter of those of the image.
 

@@ -70,8 +70,9 @@ def chance(lens, p, d, random, *, sensor=None, most=2, probability=0.25, wavelen
     """Rays from behind the lens that reflect at surfaces by chance: directions and points where they leave towards the
     scene, their light over its probability, 0 without, and the number of their reflections.
 
-    `sensor` is (z on the axis, reflectance, unit normal): paths that return to it go on by that weight. Paths of more
-    than `most` reflections are given up.
+    `sensor` is (z on the axis, reflectance, unit normal), or a function of points and directions that gives those of
+    rays behind it and weights: paths that return to it go on by that weight. Paths of more than `most` reflections are
+    given up.
     """
     n, count, index = len(lens.elements), len(p), lens.indices(wavelength)
     p, d, light, turns = np.array(p), np.array(d), np.ones(count), np.zeros(count, dtype=int)
@@ -89,13 +90,17 @@ def chance(lens, p, d, random, *, sensor=None, most=2, probability=0.25, wavelen
                     if sensor is None:
                         active[rays], light[rays] = False, 0.0
                         continue
+                    way[rays], turns[rays] = -1, turns[rays] + 1
+                    if callable(sensor):
+                        p[rays], d[rays], weight = sensor(p[rays], d[rays])
+                        light[rays] *= weight
+                        continue
                     z, _, normal = sensor
                     with np.errstate(divide="ignore", invalid="ignore"):
                         t = ((np.array([0.0, 0.0, z]) - p[rays]) @ normal) / (d[rays] @ normal)
                     p[rays] += t[:, None] * d[rays]
                     d[rays] -= 2.0 * (d[rays] @ normal)[:, None] * normal
                     light[rays] *= sensor[1]
-                    way[rays], turns[rays] = -1, turns[rays] + 1
                 else:
                     _interact(
                         lens.elements[k],
