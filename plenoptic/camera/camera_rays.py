@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from plenoptic.camera.camera_record import CameraRecord
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens
-from plenoptic.camera.ghost_rays import fill_ghost_rays
+from plenoptic.camera.ghosts.ghost_rays import fill_ghost_rays
 from plenoptic.camera.sampling.aperture_regions import aperture_regions
 from plenoptic.camera.sampling.kernels import camera_samples, diffraction_deflection
 from plenoptic.camera.sampling.sampling_records import Batch, DeflectedSamples, IlluminatedPixels

@@ -34,7 +34,7 @@ from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.camera.ghost_rays import GhostRecord
+    from plenoptic.camera.ghosts.ghost_rays import GhostRecord
 
 
 class PixelRecord(NamedTuple):

@@ -61,7 +61,7 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     if plan.runs(Stage.LOSSES) and plan.runs(Stage.UNVIGNETTED_CORE):
         camera.fit_core_transmission()
     if subject.ghosts is not None:
-        from plenoptic.camera.ghost_camera import ghost_camera  # few images have ghosts
+        from plenoptic.camera.ghosts.ghost_camera import ghost_camera  # few images have ghosts
 
         camera = ghost_camera(camera, subject.ghosts, subject.camera)
     shutter = open_shutter(subject.camera, record) if plan.runs(Stage.SHUTTER) else None

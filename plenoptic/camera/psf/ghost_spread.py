@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.ghost_camera import ghost_lens, path_records
+from plenoptic.camera.ghosts.ghost_camera import ghost_lens, path_records
 from plenoptic.camera.psf.psf_results import Spot, add_spots, trace_spots
 from plenoptic.camera.psf.sensor_hits import ForwardRecord, in_lens_axes, radiometric_record, ray_tasks
 from plenoptic.core.values import Floats

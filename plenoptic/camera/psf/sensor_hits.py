@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_reflection import Detour, fill_detour
 from plenoptic.camera.assembly import Assembly, assembly, sensor_corners
 from plenoptic.camera.camera_rays import fill_losses_before_array
 from plenoptic.camera.camera_record import response_record
 from plenoptic.camera.diffraction import IrisRecord, deflection_record, iris_record
 from plenoptic.camera.dust import BETWEEN, PlacedDust, fill_dust_at_lens, placed_dust
+from plenoptic.camera.ghosts.array_reflection import Detour, fill_detour
 from plenoptic.camera.units import metres_hint
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError

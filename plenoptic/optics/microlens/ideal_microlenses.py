@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
@@ -78,11 +78,12 @@ class IdealMicrolenses(NamedTuple):
         array, sensor, z_plane = crossing
         fill_thin_forward(blocks, z_plane, sensor, array, array if differs else None)
 
-    def mirrored(self, model: None) -> None:
+    def mirrored(self, model: tuple[Any, ...] | None) -> tuple[Any, ...] | None:
         """Record of the mirror image of the model in a plane perpendicular to the axis."""
+        return model
 
     def faces(self, array: MicrolensArray) -> tuple[SensorPlane | None, ...]:
-        """Faces that reflect light, but for a plane in front: planes behind the rear principal one; None: curved sides."""
+        """Faces that reflect, but for a plane in front: planes behind the rear principal one; None: curved sides."""
         return ()
 
     def is_flat_in_front(self, array: MicrolensArray) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -148,8 +148,9 @@ class PlanoConvexMicrolenses(NamedTuple):
             z_front -= inside
         fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
 
-    def mirrored(self, model: PlateRecord) -> PlateRecord:
+    def mirrored(self, model: tuple[Any, ...] | None) -> PlateRecord:
         """Plates whose curved side faces the other way."""
+        assert isinstance(model, PlateRecord)
         return model._replace(towards_scene=not model.towards_scene)
 
     def faces(self, array: MicrolensArray) -> tuple[SensorPlane | None, ...]:

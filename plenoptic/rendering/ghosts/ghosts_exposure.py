@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plenoptic.camera.ghost_camera import ghost_lens, opening_camera
+from plenoptic.camera.ghosts.ghost_camera import ghost_lens, opening_camera
 from plenoptic.core.parallel import thread_count
 from plenoptic.core.values import seed_number
 from plenoptic.errors import PlenopticWarning

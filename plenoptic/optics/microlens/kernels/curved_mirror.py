@@ -9,14 +9,7 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
-from plenoptic.optics.microlens.kernels.cell_lookup import (
-    AXIS_X,
-    AXIS_Y,
-    LENS_ROWS,
-    POWER,
-    find_cells,
-    find_lenses,
-)
+from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.to_sensor import reach_sensor, to_plane
 
 

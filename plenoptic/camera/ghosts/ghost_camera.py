@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plenoptic.camera.array_reflection import ArrayReflection, Detour
 from plenoptic.camera.assembly import assembly, plane_coefficients, rigid, sensor_corners
 from plenoptic.camera.camera_record import radiance_scale
-from plenoptic.camera.ghost_rays import WIDE, GhostAims, GhostRecord, fill_ghost_rays
+from plenoptic.camera.ghosts.array_reflection import ArrayReflection, Detour
+from plenoptic.camera.ghosts.ghost_rays import WIDE, GhostAims, GhostRecord, fill_ghost_rays
 from plenoptic.camera.psf.sensor_hits import forward_record
 from plenoptic.core.color.spectra import ColourTables
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
@@ -45,6 +45,8 @@ _PILOT_HEIGHTS, _PILOT_RAYS = (0.05, 0.4, 0.75), 512
 """Image heights over the half diagonal of the sensor, and rays of each, whose light gives probabilities of pairs."""
 _DISC_MARGIN = 1.15
 """Radius of the disc of a pair over that of its light in the pilot."""
+_UNSEEN = 0.3
+"""Part of the opening by which discs of n lit rays are wider, times the root of n: few rays show little of a disc."""
 _EVEN = 0.1
 """Part of the probability that all pairs share alike: light of a scene need not be that of the pilot."""
 _MOST_BANDS, _TABLE_BYTES = 8, 1 << 28
@@ -88,8 +90,8 @@ class GhostLens:
 def path_records(
     paths: list[GhostPath], wavelength: float | Floats, array: int, *, reverse: bool
 ) -> list[tuple[LensRecord, Detour | None]]:
-    """Compiled paths; a detour follows the record of elements before it. `array` is the place of the array in stacks."""
-    records = []
+    """Compiled paths, with the detour behind the elements of each. `array` is the place of the array in stacks."""
+    records: list[tuple[LensRecord, Detour | None]] = []
     for path, record in zip(
         paths, pair_records([path.stack for path in paths], wavelength, reverse=reverse), strict=True
     ):
@@ -108,9 +110,7 @@ def _part(record: LensRecord, begin: int, end: int) -> LensRecord:
     return record.part(begin, end)._replace(losses=record.losses.part(begin, end))
 
 
-def array_reflections(
-    camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tuple[float, ...]
-) -> list[ArrayReflection]:
+def array_reflections(camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tuple[float, ...]) -> list[ArrayReflection]:
     """Mirrors behind the microlenses of a camera: its sensor, and faces of plates."""
     microlenses = camera.microlenses
     assert microlenses is not None
@@ -203,14 +203,12 @@ def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTable
     if not paths:
         raise InvalidValueError("the lens has a single reflecting surface, and no pair throws ghosts: leave them out")
     record = _record(ghosts, paths, camera.wavelength)
-    light, slope, scale = _pilot(record, ghosts.camera.lens, camera)
+    redirects = camera.microlenses is None and not _is_special(camera)
+    light, slope, scale = _pilot(record, ghosts.camera.lens, camera, redirects)
     shares = light / light.sum() if light.any() else np.full(len(paths), 1.0 / len(paths))
     probability = _EVEN / len(paths) + (1.0 - _EVEN) * shares
-    aims, draws = None, probability
-    if camera.microlenses is None and not _is_special(camera):
-        aims = GhostAims(slope, scale, camera.lens.stop.semi_diameter, camera.stop_to_microlenses)
-        draws = np.outer(probability, (WIDE, 1.0 - WIDE)).ravel()
-    cumulative = np.append(np.cumsum(draws)[:-1], 1.0)
+    aims = GhostAims(redirects, slope, scale, camera.lens.stop.semi_diameter, camera.stop_to_microlenses)
+    cumulative = np.append(np.cumsum(np.outer(probability, (WIDE, 1.0 - WIDE)))[:-1], 1.0)
     if colour is not None:
         at, bands = _bands([path.stack for path in paths], colour)
         record = _record(ghosts, ghosts.paths(tuple(at.tolist())), at)._replace(bands=bands)
@@ -255,8 +253,14 @@ def _is_special(camera: PlenopticCamera) -> bool:
     return bool(camera.blemishes) or any(part is not None for part in parts)
 
 
-def _pilot(record: GhostRecord, lens: LensStack, camera: PlenopticCamera) -> tuple[Floats, Floats, Floats]:
-    """Light of a uniform scene at some image points by each path, and slope and scale of its disc; see `GhostAims`."""
+def _pilot(
+    record: GhostRecord, lens: LensStack, camera: PlenopticCamera, redirects: bool
+) -> tuple[Floats, Floats, Floats]:
+    """Share of rays that each path needs, and slope and scale of its disc; see `GhostAims`.
+
+    Rays from some image points to a uniform scene give them. Shares are as the deviation of light of single rays, which
+    for redirected ones is as the light.
+    """
     uniform = sobol_points(_PILOT_RAYS)
     offsets, pitch = np.array(_PILOT_HEIGHTS) * camera.sensor.half_diagonal / math.sqrt(2.0), 0.0
     if camera.microlenses is not None:
@@ -264,7 +268,9 @@ def _pilot(record: GhostRecord, lens: LensStack, camera: PlenopticCamera) -> tup
     starts = [np.array([offset, offset, camera.stop_to_microlenses]) for offset in offsets]
     beams = [covering_rays(lens.elements[-1], 0.0, at, uniform[:, :2], camera.wavelength) for at in starts]
     origin, direction = (np.concatenate([getattr(b, name) for b in beams]) for name in ("origin", "direction"))
-    origin = origin + np.column_stack([np.tile(pitch * (uniform[:, 2:4] - 0.5), (len(starts), 1)), np.zeros(len(origin))])
+    origin = origin + np.column_stack(
+        [np.tile(pitch * (uniform[:, 2:4] - 0.5), (len(starts), 1)), np.zeros(len(origin))]
+    )
     at, columns = RayBundle(origin, direction, camera.wavelength).at_z(0.0)[:, :2], []
     rows = np.column_stack([origin, direction, np.ones(len(at)), np.zeros(len(at))])  # whole blocks
     for k in range(len(record.lenses)):
@@ -277,7 +283,10 @@ def _pilot(record: GhostRecord, lens: LensStack, camera: PlenopticCamera) -> tup
             continue
         slope = float(offset_of @ lit.mean(axis=1) / (offset_of @ offset_of))
         reach = np.hypot(*(lit - slope * offset_of[:, None]).T).max()
-        scale = min(_DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter, 1.0)
-        columns.append((float(weight.sum()), slope, scale))
+        scale = _DISC_MARGIN * float(reach) / camera.lens.stop.semi_diameter
+        if redirects:
+            columns.append((float(weight.sum()), slope, min(scale, 1.0)))
+        else:
+            columns.append((float(np.linalg.norm(weight)), slope, min(scale + _UNSEEN / math.sqrt(len(lit)), 1.0)))
     light, slope, scale = np.array(columns).T
     return light, slope, scale

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.array_reflection import Detour, fill_reflected
-from plenoptic.camera.ghost_camera import array_reflections, ghost_lens, ghost_record, opening_camera
-from plenoptic.camera.ghost_rays import fill_ghost_rays
+from plenoptic.camera.ghosts.array_reflection import Detour, fill_reflected
+from plenoptic.camera.ghosts.ghost_camera import array_reflections, ghost_lens, ghost_record, opening_camera
+from plenoptic.camera.ghosts.ghost_rays import fill_ghost_rays
 from plenoptic.core.color.spectra import colour_tables
 from plenoptic.core.kernels.ray_blocks import BLOCK
 from plenoptic.optics.lens.lens_record import lens_record
-from plenoptic.optics.lens.placement import rotation_about_axes
 
 PITCH, FOCAL, INDEX, THICKNESS, GAP = 0.2, 0.8, 1.5, 0.15, 0.7
 SIDES = pl.optics.ConvexSide
@@ -62,7 +61,8 @@ def to_sphere(p, d, vertex, side):
     found, normals = np.full(p.shape, np.nan), np.full(p.shape, np.nan)
     for i in (-1, 0, 1):
         for j in (-1, 0, 1):
-            centre = np.column_stack([PITCH * (np.round(start[:, :2] / PITCH) + (i, j)), np.full(len(p), vertex + depth)])
+            cell = np.round(start[:, :2] / PITCH) + np.array([i, j])
+            centre = np.column_stack([PITCH * cell, np.full(len(p), vertex + depth)])
             offset = p - centre
             along = np.sum(offset * d, axis=1)
             root = np.sqrt(np.maximum(along**2 - np.sum(offset**2, axis=1) + radius**2, 0.0))
@@ -215,13 +215,16 @@ def test_paths_of_each_wavelength_meet_microlenses_of_its_index():
         return blocks.transpose(0, 2, 1).reshape(-1, 8)
 
     waves = random.integers(len(colours.wavelengths), size=n)
-    both, drawn = traced(record._replace(probability=np.ones(len(record.lenses))), waves), record.bands[waves]
+    both, drawn = (
+        traced(record._replace(probability=np.ones(len(record.lenses)), aims=None), waves),
+        record.bands[waves],
+    )
     assert (both[:, 6] > 0).sum() > 100
     for band in (0, record.bands.max()):
         wavelength = float(np.median(colours.wavelengths[record.bands == band]))
         alone = dataclasses.replace(camera, wavelength=wavelength)
         single = ghost_record(ghost_lens(alone, ghosts), opening_camera(alone), None)
-        expected = traced(single._replace(probability=np.ones(len(single.lenses))), None)
+        expected = traced(single._replace(probability=np.ones(len(single.lenses)), aims=None), None)
         lit = (drawn == band) & (expected[:, 6] > 0)
         assert lit.sum() > 10
         np.testing.assert_allclose(both[lit, :6], expected[lit, :6], rtol=0, atol=1e-9)

@@ -18,6 +18,7 @@ from plenoptic.optics.microlens.kernels.to_lens import fill_in_lens_axes
 from plenoptic.optics.microlens.kernels.to_sensor import fill_in_array_axes
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, SensorPlane
 from plenoptic.optics.microlens.model_records import ArrayCrossing
+from plenoptic.optics.microlens.plano_convex import PlanoConvexMicrolenses
 
 
 class ArrayReflection(NamedTuple):
@@ -51,10 +52,11 @@ def fill_detour(blocks: Floats, detour: Detour, bands: NDArray[np.int64] | None,
 
 
 def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
+    """Trace rays of one band behind the lens to the mirror and back to the plane of the array, in place."""
     reflection, fields = detour.reflection, blocks.reshape(-1, RAY // BLOCK, BLOCK)
     direction, parts, refraction = detour.lens.direction, reflection.parts, reflection.microlenses.model.refraction
     array = reflection.arrays[min(band, len(reflection.arrays) - 1)]
-    x, y, z, l, m, n, weight, status = (fields[:, row] for row in range(RAY // BLOCK))
+    _, _, z, l, m, n, weight, status = (fields[:, row] for row in range(RAY // BLOCK))
     # Out of the mirror image of the lens, or into it.
     z[:] = parts.z_plane + direction * (z - detour.z)
     n *= direction
@@ -63,6 +65,7 @@ def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
     z_array = parts.z_plane if parts.frame is None else 0.0
     cosine = n.copy()
     if reflection.mirror is None:
+        assert isinstance(refraction, PlanoConvexMicrolenses)
         refraction.reflect(blocks, ArrayCrossing(array, SensorPlane(0.0, None), z_array), differs_forward(array))
     else:
         refraction.to_sensor(blocks, ArrayCrossing(array, reflection.mirror, z_array), differs_forward(array))

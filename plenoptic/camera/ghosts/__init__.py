@@ -1,0 +1,1 @@
+"""Ghosts of cameras: paths of pairs of reflections, in the lens and behind microlenses."""
