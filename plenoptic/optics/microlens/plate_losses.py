@@ -40,5 +40,5 @@ def axial_transmission(array: MicrolensArray, wavelength: float, outside: Medium
     if array.coating is None:
         return None
     ratio, around = array.index_at(wavelength), float(outside.index(wavelength))
-    side = ordered_powers(array.coating, around, around * ratio, 1.0, wavelength, ratio >= 1.0)
+    side = ordered_powers(array.coating, around, around * ratio, 1.0, wavelength, True)
     return float(side.transmittance) ** 2 * math.exp(-attenuation(array.medium, wavelength) * array.thickness)
