@@ -29,6 +29,7 @@ from plenoptic.optics.microlens.microlens_record import (
     WellsRecord,
     array_record,
 )
+from plenoptic.optics.microlens.plate_losses import add_losses
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 from plenoptic.optics.stops.stop_registry import Stop, is_convex
 
@@ -180,6 +181,7 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
             margin=array_limits.lateral,
             wavelengths=path_wavelengths,
         )
+        microlens_record = add_losses(microlens_record, array, path_wavelengths, lens.rear_medium)
     plane = OutlinePlane(z_last if parts.frame is not None else parts.z_plane - z_last, parts.frame)
     pinhole = array is not None and not array.model.focuses
     world = lens_to_world(camera, parts)

@@ -11,11 +11,13 @@ import numpy as np
 from plenoptic.camera.camera_rays import CameraRays
 from plenoptic.camera.sampling.aperture_regions import cells_per_pixel, illuminated_pixels
 from plenoptic.core.kernels.bundles import fill_status_counts
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.lost_rays import by_cause, in_words, lost_rays
 from plenoptic.core.values import Floats
 from plenoptic.core.warn import warn
 from plenoptic.errors import BlackImageWarning, UnseenSceneWarning
 from plenoptic.rendering.context import RenderContext, batch_of
+from plenoptic.rendering.plan.stages import Stage
 from plenoptic.rendering.tile import Tile, status_codes
 from plenoptic.scene.geometry.geometry_records import NORMAL, OFFSET, POINT
 from plenoptic.scene.geometry.mesh import Mesh
@@ -61,6 +63,8 @@ def _fact(probe: _Probe, progress: Progress, whole: bool, *, few: bool) -> str:
     if not counts[0]:
         lost = in_words(by_cause(lost_rays(counts))) or "no pixel is illuminated"
         return f"no light passes the camera ({lost}); look at camera.report(), the stop and the size of the sensor"
+    if context.plan.runs(Stage.LOSSES) and not probe.transmits:
+        return "the surfaces of lens or microlenses transmit no light; give coatings whose reflectance is below 1"
     if probe.bright and not whole:
         return "" if few else "this region of the sensor gets no light, and others do; choose another region"
     if scene is not None and context.intersector is None:
@@ -135,7 +139,7 @@ class _Probe:
         """Number of paths by status."""
         self.rays, self.surface_points = np.empty((0, 6)), np.empty((0, 6))
         """Rays that leave the camera; points and normals of the first matt surfaces that they hit."""
-        self.has_hits = self.bright = False
+        self.has_hits = self.bright = self.transmits = False
         pixels = min(_PIXELS, 1 + int(_CELLS / cells_per_pixel(camera)))
         positions = np.random.default_rng(0).integers((camera.sensor.rows, camera.sensor.columns), size=(pixels, 2))
         tiles = [Tile(row, column, 1, 1) for row, column in positions.tolist()]
@@ -150,6 +154,7 @@ class _Probe:
         rays.fill_through_lens(bundle)
         rays.fill_iris_deflections(bundle, 0, n)
         fill_status_counts(self.counts, bundle, n)
+        self.transmits = bool(bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK].any())
         self.bright = context.scene is None and bool(self.counts[0])
         if context.scene is not None:
             from plenoptic.rendering.integrator.path import PathIntegrator

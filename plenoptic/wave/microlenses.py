@@ -16,6 +16,7 @@ from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.lenslets import Lenslets
 from plenoptic.optics.microlens.microlens_record import lens_table_record
+from plenoptic.optics.microlens.plate_losses import axial_transmission
 
 Complex = NDArray[np.complex64]
 
@@ -38,6 +39,8 @@ class Microlenses(NamedTuple):
     refractive_index: float
     """Refractive index of plates."""
     power_factor: float
+    transmittance: float
+    """Fraction of the light along the axis that plates with a coating transmit; 1 for others."""
 
     @property
     def reach(self) -> float:
@@ -114,7 +117,7 @@ class Microlenses(NamedTuple):
         np.minimum(covered, 1.0, out=covered)
         size = np.abs(total)
         np.divide(covered, size, out=covered, where=size > 0)
-        return total * covered
+        return total * (covered * np.float32(math.sqrt(self.transmittance)))
 
     def _rotate(self, edges: Floats) -> Floats:
         return np.column_stack([edges[:, :2] @ self.turn.T, edges[:, 2]])
@@ -162,6 +165,9 @@ def microlenses_around(record: ForwardRecord, low: Floats, high: Floats) -> Micr
         listed = lens_table_record(array, turn=np.eye(2), origin=np.zeros(2), reach=reach, margin=0.0)
         assert listed.cells is not None
         cells = listed.cells[lenses.index[:, 0]]
+    nm = camera.wavelength
+    transmittance = axial_transmission(array, nm, camera.lens.rear_medium)
     return Microlenses(
-        array, lenses, turn, shift, cells, array.index_at(camera.wavelength), array.power_factor(camera.wavelength)
+        *(array, lenses, turn, shift, cells, array.index_at(nm), array.power_factor(nm)),
+        1.0 if transmittance is None else transmittance,
     )

@@ -76,7 +76,7 @@ def point_spread(
 
     THIN microlenses and ideal main lenses are ideal for rays: they shear slopes. Their waves are paraxial, and follow
     the rays of the library at any aperture. Plates (SPHERICAL, FLAT_HIGH_INDEX) are thin elements with the phase of
-    their sag, in exact waves.
+    their sag, in exact waves; with a coating they transmit the light that they transmit along the axis.
 
     Examples
     --------

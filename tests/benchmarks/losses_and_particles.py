@@ -61,10 +61,14 @@ def losses(quick):
         "a background": (pl.Scene(background=1.0), reference.camera()),
         "`check`, conventional": (pl.check_scene(), conventional),
         "white": (None, reference.camera()),
+        "white, plates": (None, _with_plates(reference.camera())),
     }
     rows = []
     for name, (scene, camera) in cases.items():
-        coated = dataclasses.replace(camera, lens=pl.optics.coated(camera.lens, pl.optics.SingleLayer()))
+        if camera.microlenses is not None and camera.microlenses.is_plate:
+            coated = _with_plates(camera, coating=pl.optics.SingleLayer())
+        else:
+            coated = dataclasses.replace(camera, lens=pl.optics.coated(camera.lens, pl.optics.SingleLayer()))
         options = {"samples": samples, "threads": 1}
         if camera is not conventional:
             options["region"] = reference.middle(side)
@@ -76,9 +80,15 @@ def losses(quick):
         rows.append([name, *_compared(costs, shots, "ideal", "coated")])
     columns = "image | CPU s, ideal | CPU s, coated | times | error %, ideal | error %, coated | times at equal error"
     remark = (
-        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a single layer of MgF2."
+        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a single layer of MgF2 "
+        "on all surfaces of the lens, or on plates of microlenses behind a lens without coatings."
     )
     return Table("Losses of coatings", columns, rows, [remark])
+
+
+def _with_plates(camera, **changes):
+    array = dataclasses.replace(camera.microlenses, model=pl.optics.MicrolensModel.SPHERICAL, **changes)
+    return dataclasses.replace(camera, microlenses=array)
 
 
 def ghosts(quick):

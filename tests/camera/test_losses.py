@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from camera_helpers import GAUSS, bare_camera, camera_with, total, white
+from camera_helpers import GAUSS, bare_camera, camera_with, total, white, with_array
 
 import plenoptic as pl
 from plenoptic.camera.camera_record import camera_record, core_transmission
@@ -89,6 +89,82 @@ def test_all_light_of_the_sensor_is_accounted_for():
     parts = np.stack(balance[:4])
     np.testing.assert_allclose(parts.sum(axis=0), 1.0, atol=1e-12)
     assert (parts.max(axis=1) > [0.1, 0.2, 0.5, 0.9]).all() and parts.min() > -1e-12
+
+
+SPHERICAL = pl.optics.MicrolensModel.SPHERICAL
+PLATES = with_array(CAMERAS["microlenses"], model=SPHERICAL, convex_side=pl.optics.ConvexSide.SENSOR)
+
+
+def test_plates_with_a_constant_reflectance_are_a_factor():
+    """Renders, white images, points, particles, replays and waves; with a lens that loses as much, its square."""
+    weak_plates = with_array(PLATES, coating=HALF_PERCENT)
+    plain, weak, both = shots = [sky(each) for each in (PLATES, weak_plates, coated(weak_plates, HALF_PERCENT))]
+    assert plain.image.max() > 0
+    np.testing.assert_allclose(weak.image, TWICE * plain.image, rtol=1e-6)
+    np.testing.assert_allclose(both.image, TWICE**2 * plain.image, rtol=1e-6)
+    first, second = (pl.replay(shot, SKY, pixel=(11, 12), sample=1) for shot in shots[:2])
+    assert second.weight == pytest.approx(TWICE * first.weight, rel=1e-12)
+    np.testing.assert_allclose(white(weak_plates).image, TWICE * white(PLATES).image, rtol=1e-6)
+    point, particle = [(0.0, 0.0, -1100.0)], pl.Scene(points=pl.Points([(0.1, 0.0, -1100.0)], intensity=1.0))
+    for forward in (
+        lambda camera: pl.point_spread(camera, point, rays=1 << 12, progress=False).light,
+        lambda camera: pl.render(particle, camera, samples=4, progress=False).image,
+        lambda camera: pl.wave.point_spread(camera, (0.0, 0.0, -1050.0)).image,
+    ):
+        one, other = forward(PLATES), forward(weak_plates)
+        assert one.max() > 0
+        np.testing.assert_allclose(other, TWICE * one, rtol=2e-6, atol=1e-9 * one.max())
+
+
+def test_plates_lose_the_light_of_the_wavelengths_that_paths_draw():
+    table = pl.optics.Reflectance([0.1, 0.3], wavelengths=[400.0, 700.0])
+    colours = dataclasses.replace(PLATES, sensitivity=pl.sensor.Sensitivity([450.0]), wavelength=650.0)
+    plain, weak = sky(colours), sky(with_array(colours, coating=table))
+    np.testing.assert_allclose(weak.image, (0.9 - 0.2 * 50.0 / 300.0) ** 2 * plain.image, rtol=1e-6)
+    particle = pl.Scene(points=pl.Points([(0.1, 0.0, -1100.0)], intensity=1.0))
+    cameras = colours, with_array(colours, coating=table)
+    one, other = (pl.render(particle, each, samples=4, progress=False).image for each in cameras)
+    np.testing.assert_allclose(other, (0.9 - 0.2 * 50.0 / 300.0) ** 2 * one, rtol=1e-6)
+
+
+@pytest.mark.parametrize("side", pl.optics.ConvexSide)
+def test_plates_in_fast_light_lose_the_same_forwards_and_backwards(side):
+    """A film with fringes in the light of f/2, whose losses differ from those on the axis by a sixth of the light.
+
+    Errors of the ratios, of some 1e5 paths that differ by a tenth, are below 1e-3: both images have the same paths.
+    """
+    fringes = pl.optics.Coating([(pl.ConstantMedium(2.2), 6000.0)])
+    camera = camera_with(lens=GAUSS, b=0.5, shape=(96, 96), to_array=105.3, model=SPHERICAL, convex_side=side)
+    weak = with_array(camera, coating=fringes)
+    z = -1985.0
+    scene = pl.Scene([pl.quad((-1.0, -1.0, z), (2.0, 0.0, 0.0), (0.0, 2.0, 0.0), material=pl.materials.Emissive(1.0))])
+    back = [pl.render(scene, each, samples=256, truth=pl.Truth.NONE, progress=False) for each in (camera, weak)]
+    there = [pl.point_spread(each, [(0.0, 0.0, z)], rays=1 << 17, progress=False) for each in (camera, weak)]
+    ratio = total(back[1])[0] / total(back[0])[0]
+    assert ratio == pytest.approx(float(there[1].light[0] / there[0].light[0]), abs=1e-3)
+    assert ratio < weak.report().microlens_transmission - 0.1
+
+
+def test_plans_and_reports_state_losses_of_plates():
+    weak = with_array(PLATES, coating=SINGLE)
+    plan = pl.plan(None, weak)
+    assert plan.runs(Stage.LOSSES) and not plan.runs(Stage.UNVIGNETTED_CORE)
+    assert "the microlenses take light" in repr(plan) and not pl.plan(None, PLATES).runs(Stage.LOSSES)
+    assert "2 surfaces and the glasses and the microlenses take light" in repr(pl.plan(None, coated(weak)))
+    ideal = dataclasses.replace(weak, lens=SINGLET.with_model(pl.LensModel.THIN))
+    assert pl.plan(None, ideal).runs(Stage.LOSSES)
+    report = weak.report()
+    once = pl.optics.surface_powers(SINGLE, 1.0, 1.5, 1.0, 587.6).transmittance
+    assert report.microlens_transmission == pytest.approx(float(once) ** 2, rel=1e-12)
+    assert report.transmission is None and f"{100 * report.microlens_transmission:.6g} %" in repr(report)
+    assert PLATES.report().microlens_transmission is None
+    assert camera_record(PLATES).array.model.losses is None and camera_record(weak).array.model.losses is not None
+    water = pl.ConstantMedium(1.33)
+    *front, last = SINGLET.elements
+    elements = [*front, dataclasses.replace(last, medium=water)]
+    wet = dataclasses.replace(weak, lens=dataclasses.replace(SINGLET, elements=elements, rear_medium=water))
+    in_water = pl.optics.surface_powers(SINGLE, 1.33, 1.33 * 1.5, 1.0, 587.6).transmittance
+    assert camera_record(wet).array.model.losses.transmittance[0, 0, -1] == pytest.approx(float(in_water), rel=1e-12)
 
 
 def test_plans_and_reports_state_losses():

@@ -1,5 +1,6 @@
 """Black images and scenes out of view: one warning that names the cause, and none where nothing is wrong."""
 
+import dataclasses
 import re
 import warnings
 
@@ -102,6 +103,20 @@ def test_a_whole_dark_region_is_told_from_a_dark_scene():
     aside = CAMERA.moved(pl.CameraPart.SENSOR, shift=(500.0, 0.0, 0.0))
     with pytest.warns(BlackImageWarning, match="no light passes the camera"):
         pl.render_white(aside, samples=8, progress=False)
+
+
+def test_opaque_surfaces_are_named():
+    opaque = pl.optics.Reflectance(1.0)
+    plates = {"model": pl.optics.MicrolensModel.SPHERICAL, "coating": opaque}
+    for part in (
+        {"lens": pl.optics.coated(CAMERA.lens, opaque)},
+        {"microlenses": dataclasses.replace(CAMERA.microlenses, **plates)},
+    ):
+        camera, words = dataclasses.replace(CAMERA, **part), "surfaces of lens or microlenses transmit no light"
+        with pytest.warns(BlackImageWarning, match=words):
+            assert not pl.render_white(camera, samples=8, progress=False).image.any()
+        with pytest.warns(BlackImageWarning, match=words):
+            assert not pl.render(pl.Scene(background=1.0), camera, samples=8, progress=False).image.any()
 
 
 def test_what_is_too_small_to_be_met_is_told_from_what_is_out_of_view():

@@ -29,6 +29,7 @@ def furnished_camera():
     plain = pl.camera.example_camera()
     array = dataclasses.replace(
         plain.microlenses, focal_lengths=(1.9, 2.0, 2.1), model=pl.optics.MicrolensModel.SPHERICAL,
+        coating=pl.optics.SingleLayer(),
         aperture=pl.optics.MicrolensAperture(pl.optics.ApertureShape.CIRCLE, 0.85),
         imperfections=pl.MicrolensImperfections(pitch_jitter=0.001), walls=pl.optics.Walls.OPAQUE,
     )  # fmt: skip

@@ -33,6 +33,7 @@ from plenoptic.optics.microlens.imperfections import extreme_factors, largest_of
 from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.microlens_record import ArrayRecord, ResponseRecord, SensorPlane, WellsRecord
 from plenoptic.optics.microlens.model_records import ArrayCrossing
+from plenoptic.optics.microlens.plate_losses import add_losses
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -189,6 +190,7 @@ def forward_record(camera: PlenopticCamera) -> ForwardRecord:
         array_record = array_forward_record(
             array, turn=parts.array_turn, origin=parts.array_origin, reach=reach, wavelength=camera.wavelength
         )
+        array_record = add_losses(array_record, array, (camera.wavelength,), lens.rear_medium)
     return ForwardRecord(
         camera,
         parts,

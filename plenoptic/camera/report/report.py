@@ -21,6 +21,7 @@ from plenoptic.optics.glass.media import AIR
 from plenoptic.optics.lens.gaussian.paraxial import cardinal_points
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.aperture import Walls
+from plenoptic.optics.microlens.plate_losses import axial_transmission
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
@@ -94,6 +95,9 @@ class CameraReport:
     transmission : float or None
         Fraction of the unvignetted light to the centre of the array, or of the sensor, that a lens with coatings
         transmits; None without coatings.
+    microlens_transmission : float or None
+        Fraction of the light along the axis that both sides and the glass of microlenses with a coating transmit; None
+        without one.
     wavelength : float
         nm.
     warnings : tuple of CameraFinding
@@ -118,6 +122,7 @@ class CameraReport:
     dark_fraction: float | None = report_row("dark part of the sensor", "%", _IMAGES)
     overlap_fraction: float | None = report_row("part lit by several microlenses", "%", _IMAGES)
     microlenses: int | None = report_row("microlenses with their image on the sensor", "", _IMAGES)
+    microlens_transmission: float | None = report_row("light that microlenses transmit, on axis", "%", _IMAGES)
     array_plane: float | None = report_row("plane imaged onto the array (v = 0): z", "mm", _IMAGES)
     focus: tuple[MicrolensFocus, ...]
     clearance: float = report_row("clearance from lens to {plane}", "mm", _LENS)
@@ -194,6 +199,7 @@ def camera_report(camera: PlenopticCamera) -> CameraReport:
         front_field=field,
         viewpoint_caustic=caustic,
         transmission=illumination.transmission_on_axis(lens, z, wavelength),
+        microlens_transmission=None if array is None else axial_transmission(array, wavelength, lens.rear_medium),
         wavelength=wavelength,
     )
     return dataclasses.replace(report, warnings=camera_findings(camera, report))

@@ -97,16 +97,19 @@ def _table(
         nm, cosines = np.array(wavelengths)[:, np.newaxis], table_cosines()
         return surface_powers(element.coating, low[:, np.newaxis], high[:, np.newaxis], cosines, nm).reflectance
     low_high = tuple(low.tolist()), tuple(high.tolist())
-    return _transmittance(element.coating, low_high, wavelengths, tuple(in_order.tolist()))
+    return transmittance_table(element.coating, low_high, wavelengths, tuple(in_order.tolist()))
 
 
 @functools.lru_cache(maxsize=256)
-def _transmittance(
+def transmittance_table(
     coating: SurfaceCoating | None,
     low_high: tuple[tuple[float, ...], tuple[float, ...]],
     wavelengths: tuple[float, ...],
     in_order: tuple[bool, ...],
 ) -> Floats:
-    """Table of a refracting surface; unfolded stacks of ghosts pass the same surfaces many times."""
+    """Table (wavelengths, nodes) of a refracting surface between a lower and a higher index at each wavelength.
+
+    Unfolded stacks of ghosts pass the same surfaces many times.
+    """
     n_low, n_high, nm, order = (np.array(each)[:, np.newaxis] for each in (*low_high, wavelengths, in_order))
     return ordered_powers(coating, n_low, n_high, table_cosines(), nm, order).transmittance

@@ -23,6 +23,8 @@ from plenoptic.core.values import (
     value,
 )
 from plenoptic.errors import InvalidValueError
+from plenoptic.optics.coatings.coating import SurfaceCoating
+from plenoptic.optics.coatings.surface_powers import check_coating
 from plenoptic.optics.glass.media import Medium, check_medium
 from plenoptic.optics.microlens.aperture import MicrolensAperture, Opening, Walls, opening_of
 from plenoptic.optics.microlens.imperfections import Imperfections, MicrolensDeviations, MicrolensImperfections
@@ -91,13 +93,18 @@ class MicrolensArray:
         OPAQUE separates the spaces behind the cells, up to the sensor, as in an array of cameras.
     imperfections : MicrolensImperfections or MicrolensDeviations, optional
         Deviations of individual lenses from this design; None: no deviations.
+    coating : SingleLayer, Coating or Reflectance, optional
+        SPHERICAL: coating of both sides, by which images lose the light that these reflect and absorb, and that a
+        medium with an internal transmittance absorbs; ``Coating()`` is bare glass. Films lie from the medium behind
+        the main lens to the glass. None: no light is lost.
 
     Raises
     ------
     InvalidValueError
         If the medium is invalid, or given together with another index; a pitch or thickness is not positive, a focal
         length is 0, an index is too low, a sphere is too small to cover its cell, centres coincide, or a type, lattice,
-        model or side does not exist.
+        model or side does not exist, or another model than SPHERICAL has a coating; a PrescriptionError for a coating
+        that is none.
 
     Notes
     -----
@@ -134,6 +141,7 @@ class MicrolensArray:
     extent: tuple[float, float] | None = None
     walls: Walls = Walls.NONE
     medium: Medium | None = None
+    coating: SurfaceCoating | None = None
 
     def __post_init__(self) -> None:
         set_field(self, "lattice", choice(self.lattice, Lattice, "lattice"))
@@ -164,6 +172,12 @@ class MicrolensArray:
                 raise InvalidValueError(f"{name} is {getattr(self, name)!r}; it must be a {kinds[0].__name__} or None")
         if self.aperture is not None:
             _ = self.opening
+        check_coating(self.coating)
+        if self.coating is not None and not (self.is_plate and not self.model.is_flat):
+            raise InvalidValueError(
+                f"coating is given for {self.model.name} microlenses, which have no surfaces of glass that could "
+                "reflect light; leave it out, or take MicrolensModel.SPHERICAL"
+            )
         self.model.refraction.check(self)
 
     def _check_medium(self) -> None:

@@ -17,6 +17,7 @@ from plenoptic.optics.microlens.lattice import Lattice
 from plenoptic.optics.microlens.lenslets import lenses_of
 from plenoptic.optics.microlens.model_records import TracedPaths
 from plenoptic.optics.microlens.plano_convex import ConvexSide
+from plenoptic.optics.microlens.plate_losses import add_losses
 
 
 def microlens_path(
@@ -41,7 +42,7 @@ def microlens_path(
     -------
     rays : RayBundle
         Rays at the side by which they leave. Those that meet no microlens are lost; the transmission of dark ones
-        multiplies the weight.
+        multiplies the weight, and sides with a coating, in air, take their light.
     path : (n,) array
         Optical path length from the origins to there, mm; negative if an origin lies behind the array; nan for lost
         rays.
@@ -114,12 +115,13 @@ def _trace(array: MicrolensArray, rays: RayBundle, source: Floats | None) -> tup
     record = forward_record(
         array, turn=np.eye(2), origin=np.zeros(2), reach=_reach(array, forward), wavelength=rays.wavelength
     )
+    record = add_losses(record, array, (rays.wavelength,))
     traced = TracedPaths(np.full(len(rays), np.nan), np.empty((len(rays), 5)))
     behind = array.model.refraction.trace_rays(
         forward, traced, record, differs_forward(record), array.index_at(rays.wavelength)
     )
     lost = behind.status != 0
-    weight = np.where(lost, 0.0, rays.weight)
+    weight = np.where(lost, 0.0, rays.weight if array.coating is None else behind.weight)
     if array.imperfections is not None:
         index = np.where(lost[:, None], 0, traced.lenses[:, 2:4]).astype(np.int64)
         weight = weight * lenses_of(array, index).transmission

@@ -11,6 +11,7 @@ import numpy as np
 from plenoptic.core.values import Floats
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.element_record import PathWorkspace
+from plenoptic.optics.lens.loss_record import LossRecord
 from plenoptic.optics.lens.trace import RayArrays, in_chunks
 from plenoptic.optics.microlens.imperfections import extreme_factors, largest_offset
 from plenoptic.optics.microlens.model_records import ArrayCrossing, Depths, LensletRows, Pair, TracedPaths, Waves
@@ -43,6 +44,8 @@ class PlateRecord(NamedTuple):
     """At 587.6 nm: it fixes the principal planes and the curvature of the sphere."""
     indices: Floats | None
     """At the camera's wavelength, then at those sampled by paths; None if all equal that at 587.6 nm."""
+    losses: LossRecord | None = None
+    """Of either side and, in one row, of the glass, at these wavelengths; None without a coating."""
 
 
 class PlanoConvexMicrolenses(NamedTuple):
@@ -130,7 +133,7 @@ class PlanoConvexMicrolenses(NamedTuple):
 
         plate, array = crossing.array.model, crossing.array
         assert isinstance(plate, PlateRecord)
-        sampled = None if plate.indices is None else waves
+        sampled = None if plate.indices is None and plate.losses is None else waves
         fill_plano_convex(blocks, lenslets, crossing.sensor, plate, array.power, array.edges, crossing.z_plane, sampled)
 
     def to_sensor(self, blocks: Floats, crossing: ArrayCrossing, differs: bool) -> None:

@@ -129,14 +129,17 @@ def _lens(camera: PlenopticCamera) -> list[Decision]:
     odd_stops = f"{_count(len(stops), 'stop')} that {'is' if len(stops) == 1 else 'are'} not round"
     centred, displaced = "all elements are centred", f"{_count(moved, 'element')} out of place"
     uncoated = "no surface has a coating: the lens transmits all light"
-    taking = f"{_count(len(surfaces), 'surface')} and the glasses take light"
+    coated, coated_plates = has_losses(lens), camera.microlenses is not None and camera.microlenses.coating is not None
+    losing = [_count(len(surfaces), "surface"), "the glasses"] if coated else []
+    losing += ["the microlenses"] if coated_plates else []
+    taking = f"{' and '.join(losing)} take light"
     in_place, astray = "it stands as designed", "its axes are not the camera's"
     return [
         decide(Stage.LENS, elements if exact else ideal),
         decide(Stage.ASPHERES, exact, ideal, shaped, spheres, aspheres),
         decide(Stage.PLACEMENTS, exact, ideal, moved, centred, displaced),
         decide(Stage.SHAPED_STOPS, stops, "all stops are round", odd_stops),
-        decide(Stage.LOSSES, exact, ideal, has_losses(lens), uncoated, taking),
+        decide(Stage.LOSSES, exact or coated_plates, ideal, losing, uncoated, taking),
         decide(Stage.DISPLACED_LENS, camera.lens_placement is not None, in_place, astray),
         decide(Stage.POSE, camera.pose is not None, "the world is the camera's frame", "posed"),
     ]

@@ -12,7 +12,6 @@ import numpy as np
 from plenoptic.camera.camera import PlenopticCamera
 from plenoptic.errors import InvalidValueError, PlenopticError
 from plenoptic.optics.microlens.aperture import Walls
-from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.rendering.plan.plan import plan_for
 from plenoptic.rendering.plan.scene_stages import ROULETTE
 from plenoptic.rendering.plan.stages import Plan, Stage, Subject
@@ -129,14 +128,14 @@ _CHANGES: dict[Stage, tuple[str, _Change]] = {
     Stage.OPENINGS: ("lenses that fill their cells", _set("camera.microlenses.aperture", None)),
     Stage.WALLS: ("no walls", _set("camera.microlenses.walls", Walls.NONE)),
     Stage.LISTED_LENSES: ("lenses as designed", _camera(camera_ablation.without_imperfections)),
-    Stage.MICROLENS_PLATES: ("thin microlenses", _set("camera.microlenses.model", MicrolensModel.THIN)),
+    Stage.MICROLENS_PLATES: ("thin microlenses", _camera(camera_ablation.with_thin_microlenses)),
     Stage.TILTED_SENSOR: ("a sensor parallel to the array", _camera(camera_ablation.with_parallel_sensor)),
     Stage.TILTED_ARRAY: ("an array upright on the lens's axis", _camera(camera_ablation.with_upright_array)),
     Stage.LENS: ("an ideal thin lens", _camera(camera_ablation.with_thin_lens)),
     Stage.ASPHERES: ("spheres", _camera(camera_ablation.without_aspheres)),
     Stage.PLACEMENTS: ("centred elements", _camera(camera_ablation.without_placements)),
     Stage.SHAPED_STOPS: ("round stops", _camera(camera_ablation.with_round_stops)),
-    Stage.LOSSES: ("a lens that transmits all light", _camera(camera_ablation.without_coatings)),
+    Stage.LOSSES: ("parts that transmit all light", _camera(camera_ablation.without_coatings)),
     Stage.DISPLACED_LENS: ("the lens as designed", _set("camera.lens_placement", None)),
     Stage.POSE: ("the scene in the camera's frame", _without_pose),
     Stage.SHUTTER: ("an instant", _set("camera.shutter", None)),

@@ -16,6 +16,7 @@ from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.lattice import Lattice
+from plenoptic.optics.microlens.models import MicrolensModel
 from plenoptic.optics.stops.stop_registry import circle_around
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -42,6 +43,11 @@ def with_one_type(camera: PlenopticCamera) -> PlenopticCamera:
     """All microlenses with the focal length of the central one."""
     assert camera.microlenses is not None
     return _with_array(camera, focal_lengths=(camera.microlenses.focal_length,), pattern=None, types=None)
+
+
+def with_thin_microlenses(camera: PlenopticCamera) -> PlenopticCamera:
+    """Ideal thin microlenses of the same focal lengths."""
+    return _with_array(camera, model=MicrolensModel.THIN, coating=None)
 
 
 def without_imperfections(camera: PlenopticCamera) -> PlenopticCamera:
@@ -100,7 +106,8 @@ def without_placements(camera: PlenopticCamera) -> PlenopticCamera:
 
 
 def without_coatings(camera: PlenopticCamera) -> PlenopticCamera:
-    """The lens without coatings and, thereby, without losses."""
+    """Lens and microlenses without coatings and, thereby, without losses."""
+    camera = camera if camera.microlenses is None else _with_array(camera, coating=None)
     return dataclasses.replace(camera, lens=coated(camera.lens, None))
 
 

@@ -30,7 +30,7 @@ class Variant:
     lens : LensModel, optional
         Model of the main lens; None: that of the camera.
     microlenses : MicrolensModel, optional
-        Model of the microlenses; None: that of the camera.
+        Model of the microlenses, another one without their coating; None: that of the camera.
     sampler, replicates, max_bounces, caustics, clamp
         As for `render`, with its defaults.
 
@@ -92,7 +92,9 @@ class Variant:
                 raise InvalidValueError(
                     f"microlenses is {self.microlenses.name}, but the camera has no microlenses; leave it out"
                 )
-            array = dataclasses.replace(chosen.microlenses, model=self.microlenses)
+            array, model = chosen.microlenses, self.microlenses
+            coating = array.coating if array.model is model else None
+            array = dataclasses.replace(array, model=model, coating=coating)
             chosen = dataclasses.replace(chosen, microlenses=array)
         return chosen
 

@@ -35,7 +35,12 @@ def weaken(ray, lens, k, waves, first, index_ratios, workspace):
             cos2[i] = cos2[i] if mu >= 1.0 else 1.0 - (1.0 - cos2[i]) * (1.0 / (mu * mu))
     elif row.kind != SPHERE:
         return
-    table = lens.losses.transmittance[k]
+    transmit(ray, cos2, lens.losses.transmittance[k], waves, first)
+
+
+@device
+def transmit(ray, cos2, table, waves, first):
+    """Multiply weights by a table (wavelengths, nodes + 1) at squared cosines (BLOCK,), which are overwritten."""
     intervals = table.shape[1] - 2
     for i in range(BLOCK):
         cos2[i] = intervals * min(cos2[i] if cos2[i] > 0.0 else 0.0, 1.0)

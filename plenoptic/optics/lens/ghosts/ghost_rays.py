@@ -53,6 +53,16 @@ def ghost_setting(lens: LensStack, source: Source, sensor: float | None) -> Ghos
     return GhostSetting(checked_pair(field, "field"), z, plane, wavelength, reflectance)
 
 
+def check_light(lens: LensStack, rays: RayBundle) -> None:
+    """Raise an error if rays pass a lens whose surfaces transmit nothing: ghosts are relative to the image light."""
+    passing = rays.status == 0
+    if passing.any() and not rays.weight[passing].any():
+        raise InvalidValueError(
+            f"the surfaces of {lens.name or 'the lens'} transmit no light at {rays.wavelength:g} nm, and there is no "
+            "image to which ghosts could be compared; give coatings whose reflectance is below 1"
+        )
+
+
 def covering_rays(element: Element, z: float, point: Floats, uniform: Floats, wavelength: float) -> RayBundle:
     """Rays of equal light from a point of `checked_aim` that cover an element with its vertex at z mm in the lens.
 

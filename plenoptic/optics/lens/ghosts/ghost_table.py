@@ -14,7 +14,14 @@ from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import MAX_POINTS, Floats, result, whole
 from plenoptic.core.warn import warn
 from plenoptic.optics.lens.gaussian.paraxial import image_position
-from plenoptic.optics.lens.ghosts.ghost_rays import REPLICATES, Source, covering_rays, ghost_setting, relative_light
+from plenoptic.optics.lens.ghosts.ghost_rays import (
+    REPLICATES,
+    Source,
+    check_light,
+    covering_rays,
+    ghost_setting,
+    relative_light,
+)
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
 from plenoptic.optics.lens.pupil.object_point import checked_aim, field_text
 
@@ -122,7 +129,9 @@ def find_ghosts(lens: LensStack, source: Source, *, sensor: float | None, rays: 
     uniform = np.concatenate([sobol_points(each, replicate=k)[:, :2] for k in range(REPLICATES)])
     beam = covering_rays(lens.elements[0], float(lens.vertices[0]), point, uniform, wavelength)
     pairs, columns = np.array(pairs_of(whole_lens), dtype=np.int64).reshape(-1, 2), []
-    light = [reflecting_lens(lens).trace(beam).weight]
+    image = reflecting_lens(lens).trace(beam)
+    check_light(lens, image)
+    light = [image.weight]
     for first, second in pairs.tolist():
         stack = ghost_stack(whole_lens, (first, second), n - 1, (wavelength,))
         shift = float(stack.vertices[0] - lens.vertices[0])

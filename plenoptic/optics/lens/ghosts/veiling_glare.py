@@ -11,7 +11,13 @@ from plenoptic.core.rays import RayBundle
 from plenoptic.core.sampling import sobol_points
 from plenoptic.core.values import MAX_POINTS, Floats, check_kind, positive, result, seed_number, whole
 from plenoptic.errors import InvalidValueError
-from plenoptic.optics.lens.ghosts.ghost_rays import REPLICATES, covering_rays, ghost_setting, relative_light
+from plenoptic.optics.lens.ghosts.ghost_rays import (
+    REPLICATES,
+    check_light,
+    covering_rays,
+    ghost_setting,
+    relative_light,
+)
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pairs_of, reflecting_lens
 from plenoptic.optics.lens.pupil.object_point import directions_of, field_text
 from plenoptic.optics.lens.pupil.ray_aiming import chief_ray
@@ -114,6 +120,8 @@ def veiling_glare(  # noqa: PLR0913
         behind, front = (float(stack.vertices[k] - lens.vertices[k]) for k in (-1, 0))
         start = RayBundle(beam.origin + np.array([0.0, 0.0, behind]), beam.direction, beam.wavelength)
         out = stack.trace_reverse(start)
+        if stack is exact:
+            check_light(lens, out)
         dark = _on_patch(out, setting.field, setting.z_object, radius, front)
         white += out.weight
         black += np.where(dark, 0.0, out.weight)

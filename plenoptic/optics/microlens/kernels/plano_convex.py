@@ -25,7 +25,8 @@ from plenoptic.core.kernels.ray_blocks import (
     Z,
 )
 from plenoptic.core.numba.jit import device, kernel
-from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import COS2, DISTANCE, UNLIMITED, refract_sphere
+from plenoptic.optics.microlens.kernels.plate_losses import LOSS_ROWS, absorb_in_plate, weaken_at_side
 from plenoptic.optics.microlens.kernels.to_lens import at_wavelength, distance_to_sensor, is_open, weigh
 
 
@@ -91,8 +92,11 @@ def _keep_inside(ray, lenslets, centre, edges):
 
 
 @device
-def _refract_lenslets(ray, lenslets, flat, bow, mu, mus):
-    """Refract rays at the curved sides of lenses that differ: curvature sign * power * scale, `bow` (sign, scale)."""
+def _refract_lenslets(ray, lenslets, flat, bow, mu, mus, losses):
+    """Refract rays at the curved sides of lenses that differ: curvature sign * power * scale, `bow` (sign, scale).
+
+    `losses` as of `refract_sphere`.
+    """
     sign, scale = bow
     factor = 1.0 - mu * mu
     for i in range(BLOCK):
@@ -123,6 +127,9 @@ def _refract_lenslets(ray, lenslets, flat, bow, mu, mus):
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
             q2 = q2 if nz > 0.0 else -1.0
         cos2 = 1.0 - ratio * ratio * (1.0 - q * q)
+        if losses is not None and not flat:
+            losses[COS2, i] = min(q * q, cos2)
+            losses[DISTANCE, i] = e + t
         a = -(ray_factor / (math.sqrt(max(cos2, 0.0)) + ratio * q))
         ray[X + i] = x
         ray[Y + i] = y
@@ -137,14 +144,14 @@ def _refract_lenslets(ray, lenslets, flat, bow, mu, mus):
 
 
 @device
-def _refract_curved_side(ray, lenslets, power, flat, bow, mu, mus):
+def _refract_curved_side(ray, lenslets, power, flat, bow, mu, mus, losses):
     """Refract rays at the curved side, or at the plane that stands for it."""
     if lenslets is not None:
-        _refract_lenslets(ray, lenslets, flat, bow, mu, mus)
+        _refract_lenslets(ray, lenslets, flat, bow, mu, mus, losses)
     elif flat:
         refract_flat_block(ray, bow[0] * power * bow[1], mu, mus, -1.0)
     else:
-        refract_sphere(ray, bow[0] * power * bow[1], mu, mus, UNLIMITED, -1.0, 0.0, None)
+        refract_sphere(ray, bow[0] * power * bow[1], mu, mus, UNLIMITED, -1.0, 0.0, losses)
 
 
 @device
@@ -168,6 +175,7 @@ def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, wa
     centre = np.empty(2 * BLOCK)
     entering = None if plate.indices is None else np.empty(BLOCK)
     leaving = None if plate.indices is None else np.empty(BLOCK)
+    losses = None if plate.losses is None else np.empty((LOSS_ROWS, BLOCK))
     scale = 1.0 / (index - 1.0)
     for b in range(blocks.size // RAY):
         ray = blocks[b * RAY : (b + 1) * RAY]
@@ -189,17 +197,23 @@ def fill_plano_convex(blocks, lenslets, sensor, plate, power, edges, z_array, wa
             ray[M + i] = v * n
             ray[N + i] = -h * n
         if curved_first:
-            _refract_curved_side(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering)
+            _refract_curved_side(ray, lenses, power, flat, (-1.0, scale), 1.0 / index, entering, losses)
             _keep_inside(ray, lenses, centre, edges)
         else:
-            refract_sphere(ray, 0.0, 1.0 / index, entering, UNLIMITED, -1.0, 0.0, None)
+            refract_sphere(ray, 0.0, 1.0 / index, entering, UNLIMITED, -1.0, 0.0, losses)
+        if plate.losses is not None:
+            weaken_at_side(ray, plate.losses, waves, b * BLOCK, losses)
         for i in range(BLOCK):
             ray[Z + i] += thickness
         if curved_first:
-            refract_sphere(ray, 0.0, index, leaving, UNLIMITED, -1.0, 0.0, None)
+            refract_sphere(ray, 0.0, index, leaving, UNLIMITED, -1.0, 0.0, losses)
         else:
-            _refract_curved_side(ray, lenses, power, flat, (1.0, scale), index, leaving)
+            _refract_curved_side(ray, lenses, power, flat, (1.0, scale), index, leaving, losses)
             _keep_inside(ray, lenses, centre, edges)
+        if plate.losses is not None:
+            weaken_at_side(ray, plate.losses, waves, b * BLOCK, losses)
+            if plate.losses.attenuation is not None:
+                absorb_in_plate(ray, plate.losses, waves, b * BLOCK, losses)
         # From the last vertex, the front one, the front principal plane is at 0 or thickness / index.
         z_front = z_array - (thickness / index if curved_first else 0.0)
         for i in range(BLOCK):

@@ -23,11 +23,18 @@ from plenoptic.core.kernels.ray_blocks import (
 )
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
-from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
+from plenoptic.optics.lens.kernels.spherical_refraction import COS2, DISTANCE, UNLIMITED, refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
 from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
 from plenoptic.optics.microlens.kernels.path_length import add_height, start_path, store_lenses
 from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
+from plenoptic.optics.microlens.kernels.plate_losses import (
+    LOSS_ROWS,
+    absorb_in_plate,
+    add_distance_to_plane,
+    store_distance_to_plane,
+    weaken_at_side,
+)
 from plenoptic.optics.microlens.kernels.to_sensor import reach_sensor, to_plane
 
 
@@ -67,10 +74,11 @@ def _weigh_tilt(ray, c, after):
 
 
 @device
-def _refract_each(ray, lens_rows, bow, mu, flat):
+def _refract_each(ray, lens_rows, bow, mu, flat, losses):
     """Refract rays at spheres of curvature `bow` times each lens's power, or at `flat` planes with their normals.
 
     Rays start from the plane of the vertices, x, y from the optical axis of their lens.
+    `losses` as of `refract_sphere`.
     """
     factor = 1.0 - mu * mu
     for i in range(BLOCK):
@@ -94,6 +102,9 @@ def _refract_each(ray, lens_rows, bow, mu, flat):
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
             hit = q2 > 0.0 and nz > 0.0
         cos2 = 1.0 - mu * mu * (1.0 - q * q)
+        if losses is not None and not flat:
+            losses[COS2, i] = min(q * q, cos2)
+            losses[DISTANCE, i] = e + t
         cos_t = math.sqrt(max(cos2, 0.0))
         a = factor / (cos_t + mu * q)
         ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
@@ -110,7 +121,7 @@ def _refract_each(ray, lens_rows, bow, mu, flat):
 
 
 @device
-def _refract_curved_side(ray, lens_rows, c, mu, flat, array):
+def _refract_curved_side(ray, lens_rows, c, mu, flat, array, losses):
     """Refract rays at the curved side of equal lenses with vertices in z = 0, in the cell of their intersection."""
     if flat:
         find_cells(ray, lens_rows, 0.0, array.lattice)
@@ -122,17 +133,17 @@ def _refract_curved_side(ray, lens_rows, c, mu, flat, array):
         refract_flat_block(ray, c, mu, None, 1.0)
         _weigh_tilt(ray, c, True)
     else:
-        refract_sphere(ray, c, mu, None, UNLIMITED, 1.0, 0.0, None)
+        refract_sphere(ray, c, mu, None, UNLIMITED, 1.0, 0.0, losses)
         _keep_inside(ray, array.cell)
     _shift(ray, lens_rows, 1.0)
 
 
 @device
-def _refract_curved_sides(ray, lens_rows, bow, mu, plate, array):
+def _refract_curved_sides(ray, lens_rows, bow, mu, plate, array, losses):
     """Refract rays at the curved sides of lenses that differ."""
     find_lenses(ray, lens_rows, 0.0 if plate.flat else bow, plate.towards_scene, array)
     _shift(ray, lens_rows, -1.0)
-    _refract_each(ray, lens_rows, bow, mu, plate.flat)
+    _refract_each(ray, lens_rows, bow, mu, plate.flat, losses)
     _shift(ray, lens_rows, 1.0)
 
 
@@ -147,20 +158,26 @@ def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
     # All rays have the camera's wavelength.
     index = plate.refractive_index if plate.indices is None else plate.indices[0]
     bow, mu = (1.0 if curved_first else -1.0) / (plate.refractive_index - 1.0), 1.0 / index if curved_first else index
+    losses = None if plate.losses is None else np.empty((LOSS_ROWS, BLOCK))
     if path is not None:
         start_path(path, ray, z_front)
     to_plane(ray, z_front)
     if not curved_first:
         if path is not None:
             add_path(path, ray, 0)
-        refract_sphere(ray, 0.0, 1.0 / index, None, UNLIMITED, 1.0, 0.0, None)
+        refract_sphere(ray, 0.0, 1.0 / index, None, UNLIMITED, 1.0, 0.0, losses)
+        if plate.losses is not None:
+            weaken_at_side(ray, plate.losses, None, 0, losses)
+            store_distance_to_plane(ray, thickness, losses)
         if path is not None:
             start_path(path, ray, thickness)
         to_plane(ray, thickness)
     if differs is None:
-        _refract_curved_side(ray, lens_rows, bow * power, mu, plate.flat, array)
+        _refract_curved_side(ray, lens_rows, bow * power, mu, plate.flat, array, losses)
     else:
-        _refract_curved_sides(ray, lens_rows, bow, mu, plate, array)
+        _refract_curved_sides(ray, lens_rows, bow, mu, plate, array, losses)
+    if plate.losses is not None:
+        weaken_at_side(ray, plate.losses, None, 0, losses)
     if path is not None:
         add_path(path, ray, 0 if curved_first else 1)
         if plate.flat:
@@ -170,9 +187,16 @@ def refract_plate(ray, lens_rows, z_front, plate, array, differs, path):
             start_path(path, ray, thickness)
         for i in range(BLOCK):
             ray[Z + i] -= thickness
-        refract_sphere(ray, 0.0, index, None, UNLIMITED, 1.0, 0.0, None)
+        refract_sphere(ray, 0.0, index, None, UNLIMITED, 1.0, 0.0, losses)
+        if plate.losses is not None:
+            weaken_at_side(ray, plate.losses, None, 0, losses)
         if path is not None:
             add_path(path, ray, 1)
+    if plate.losses is not None:  # noqa: SIM102 - nested for compile-time pruning
+        if plate.losses.attenuation is not None:
+            if not curved_first:
+                add_distance_to_plane(losses)
+            absorb_in_plate(ray, plate.losses, None, 0, losses)
 
 
 @kernel

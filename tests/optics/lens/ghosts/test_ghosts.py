@@ -233,6 +233,10 @@ def test_bad_input_is_answered_by_a_sentence():
     mirror = pl.LensStack([pl.CircularStop(5.0), pl.Surface(-400.0, medium=pl.optics.MIRROR, semi_diameter=50.0)])
     with pytest.raises(pl.errors.PrescriptionError, match="has mirrors"):
         mirror.ghosts()
+    opaque = pl.optics.coated(lens, pl.optics.Reflectance(1.0))
+    for ghosts in (pl.LensStack.ghosts, lambda each: pl.aberrations.veiling_glare(each, patch=0.02)):
+        with pytest.raises(pl.errors.InvalidValueError, match=r"singlet-100mm-f4 transmit no light at 587\.6 nm"):
+            ghosts(opaque)
     narrow = plate(gap=100.0, semi_diameter=1.0)
     with pytest.warns(pl.errors.PlenopticWarning, match="no light"):
         assert math.isnan(narrow.ghosts(field=(0.0, 0.5), z_image=200.0).total)
