@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.camera.cache import prepared_camera
-from plenoptic.rendering.estimation import estimate as estimating
+from plenoptic.rendering.estimation import costs
 from plenoptic.rendering.estimation.pilot import pilot_tiles, whole_tiles
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -23,8 +23,8 @@ NUMBERS = ("cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_siz
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
     """Pilot runs with a sixteenth of the paths: these tests do not depend on their precision."""
-    monkeypatch.setattr(estimating, "_PATHS", 1 << 14)
-    monkeypatch.setattr(estimating, "_FEWEST", 1 << 10)
+    monkeypatch.setattr(costs, "_PATHS", 1 << 14)
+    monkeypatch.setattr(costs, "_FEWEST", 1 << 10)
 
 
 def estimate(scene=SCENE, camera=CAMERA, **given):
@@ -178,15 +178,15 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
 
 
 def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):
-    pilots, run = [], estimating.run_pilot
-    monkeypatch.setattr(estimating, "run_pilot", lambda *given, **more: pilots.append(given) or run(*given, **more))
-    monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
+    pilots, run = [], costs.run_pilot
+    monkeypatch.setattr(costs, "run_pilot", lambda *given, **more: pilots.append(given) or run(*given, **more))
+    monkeypatch.setattr(costs, "_DECIDED_SECONDS", 0.0)
     check(estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1))
     # Twice the 8 of the first decision are the least from which it is known how an error falls.
     assert [budget.samples for _, _, budget, *_ in pilots if budget.target_error is not None] == [16, 16]
     # With few samples there are no more pixels: 2^18 would take half a minute. At least two tiles, of one square each.
     pilots.clear()
-    monkeypatch.setattr(estimating, "_PATHS", 1 << 18)
-    monkeypatch.setattr(estimating, "_MOST", 1 << 11)
+    monkeypatch.setattr(costs, "_PATHS", 1 << 18)
+    monkeypatch.setattr(costs, "_MOST", 1 << 11)
     check(estimate(None, samples=1, threads=1))
     assert pilots and max(sum(tile.pixels for tile in tiles) for _, _, _, tiles, *_ in pilots) <= 72 * 208

@@ -15,7 +15,7 @@ from plenoptic.scene.scene import Scene
 
 if TYPE_CHECKING:
     from plenoptic.camera.camera import PlenopticCamera
-    from plenoptic.rendering.estimation.estimate import Estimate, Estimated
+    from plenoptic.rendering.estimation.estimated import Estimate, Estimated
 
 _PUPILS = 1 << 13
 """Largest number of particles whose pupils are computed."""
