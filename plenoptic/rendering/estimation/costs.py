@@ -12,7 +12,15 @@ from plenoptic.camera.cache import MAX_CACHED_BYTES
 from plenoptic.camera.sampling.aperture_regions import cells_per_pixel
 from plenoptic.core.files.atomic_file import temporary_folder
 from plenoptic.rendering.context import RenderContext
-from plenoptic.rendering.estimation.decisions import mean_samples, predicted_samples, relative_spread, steps_to
+from plenoptic.rendering.estimation.decisions import (
+    FLAT,
+    STEEP,
+    USUAL,
+    mean_samples,
+    predicted_samples,
+    relative_spread,
+    steps_to,
+)
 from plenoptic.rendering.estimation.estimated import Estimated
 from plenoptic.rendering.estimation.memory import PUPIL_BYTES
 from plenoptic.rendering.estimation.pilot import PilotRun, PilotTile, Region, pilot_tiles, run_pilot, whole_tiles
@@ -49,6 +57,8 @@ class Costs(NamedTuple):
 
     cpu_seconds: Estimated
     samples: Estimated
+    most_samples: Estimated
+    """Of any pixel."""
     steps: float
     """Average number of renders of a tile."""
     busy: float
@@ -62,7 +72,7 @@ class Pilots:
     """Pilot runs of one render."""
 
     def __init__(self, context: RenderContext, subject: Subject, budget: Budget, region: Region, threads: int) -> None:
-        self.context, self.subject, self.threads = context, subject, threads
+        self.context, self.subject, self.region, self.threads = context, subject, region, threads
         self.budget = budget = budget._replace(with_core=context.plan.runs(Stage.UNVIGNETTED_CORE))
         self.asked_pixels = (region[1] - region[0]) * (region[3] - region[2])
         pooled = pools_errors(budget.replicates, deflected=subject.camera.diffraction is not None)
@@ -130,7 +140,7 @@ def costs_by_samples(pilots: Pilots) -> Costs:
         slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
     final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
-    return Costs(_interval(each), final_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    return Costs(_interval(each), final_samples, final_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
 def costs_by_error(pilots: Pilots) -> Costs:
@@ -152,7 +162,11 @@ def costs_by_error(pilots: Pilots) -> Costs:
     each = Estimated(cost[0], cost[1] * (1 - 2 * _UNKNOWN), cost[2] * (1 + 2 * _UNKNOWN))
     low, high = max(means[1] * (1 - _UNKNOWN), pilots.budget.enough), means[2] * (1 + _UNKNOWN)
     samples = Estimated(means[0], low, min(high, pilots.budget.max_samples))
-    return Costs(each, samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    most = (predicted_samples(predicted, fall).max() for fall in (USUAL, STEEP, FLAT))
+    most_samples = Estimated(
+        *(min(max(float(number), pilots.budget.enough), pilots.budget.max_samples) for number in most)
+    )
+    return Costs(each, samples, most_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
 
 
 def _deciding(pilots: Pilots, samples: int) -> list[PilotRun]:

@@ -14,10 +14,10 @@ from plenoptic.rendering.context import render_context
 from plenoptic.rendering.estimation.costs import Pilots, costs_by_error, costs_by_samples
 from plenoptic.rendering.estimation.estimated import Estimate
 from plenoptic.rendering.estimation.totals import totals
-from plenoptic.rendering.plan.stages import Subject
+from plenoptic.rendering.plan.stages import Stage, Subject
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.schedule.time_history import time_history
-from plenoptic.rendering.settings import Caustics, RenderSettings, Sampler
+from plenoptic.rendering.settings import Caustics, Ghosts, RenderSettings, Sampler
 from plenoptic.truth.channels import Truth
 from plenoptic.truth.truth_arrays import available_truth
 
@@ -37,6 +37,7 @@ def estimate(  # noqa: PLR0913
     max_bounces: int = 8,
     caustics: Caustics = Caustics.INCLUDE,
     clamp: float | None = None,
+    ghosts: Ghosts | None = None,
     truth: Truth = Truth.DEPTH,
     threads: int | None = None,
     progress: bool = True,
@@ -50,8 +51,8 @@ def estimate(  # noqa: PLR0913
     camera : PlenopticCamera
     samples, target_error
         As for `render`; one of them, or both: whichever is reached first.
-    region, replicates, sampler, max_bounces, caustics, clamp, truth, threads
-        As for `render`.
+    region, replicates, sampler, max_bounces, caustics, clamp, ghosts, truth, threads
+        As for `render`. Of ghosts the set-up and the samples of their own are added; white images have none.
     progress : bool, optional
         Whether to show that something is being compiled; compilation is not part of the estimate.
 
@@ -79,10 +80,14 @@ def estimate(  # noqa: PLR0913
     if samples is None and target_error is None:
         raise InvalidValueError("samples and target_error are both None; give one or both to end the render")
     budget = checked_budget(samples, None, target_error, replicates)
-    settings = RenderSettings(0 if scene is None else max_bounces, caustics, clamp, sampler)
+    settings = RenderSettings(0 if scene is None else max_bounces, caustics, clamp, sampler, ghosts)
     requested = Truth.NONE if scene is None else truth
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, requested, settings)
     workers = thread_count(threads)
+    if scene is not None and ghosts is not None:
+        from plenoptic.camera.ghost_camera import ghost_lens  # few images have ghosts
+
+        ghost_lens(camera, ghosts)  # raises errors before pilots run
     with CallProgress("estimating", kind="scene", show=progress):
         context = render_context(subject, seed_number(0))
         meshes, microlenses = context.intersector is not None, camera.microlenses is not None
@@ -97,5 +102,10 @@ def estimate(  # noqa: PLR0913
             from plenoptic.rendering.estimation.particles import with_particles
 
             result = with_particles(result, scene, camera, target_error, workers)
-    time_history.record(subject, budget, sensor_pixels, workers, seconds=result.seconds.value)
+        # The bar of ghosts is another one.
+        time_history.record(subject, budget, sensor_pixels, workers, seconds=result.seconds.value)
+        if context.plan.runs(Stage.GHOSTS):
+            from plenoptic.rendering.estimation.ghosts import with_ghosts
+
+            result = with_ghosts(result, pilots, costs)
     return result

@@ -35,9 +35,9 @@ def totals(pilots: Pilots, costs: Costs) -> Estimate:
     return Estimate(
         cpu_seconds=cpu,
         seconds=wall,
-        peak_memory=_about(memory, 0.1),
-        file_size=_about(costs.head_bytes + pilots.asked_pixels * costs.exposure_bytes, 0.15),
-        checkpoint_size=_about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
+        peak_memory=about(memory, 0.1),
+        file_size=about(costs.head_bytes + pilots.asked_pixels * costs.exposure_bytes, 0.15),
+        checkpoint_size=about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
         samples=costs.samples,
         plan=pilots.context.plan,
     )
@@ -65,5 +65,6 @@ def _film_bytes(pilots: Pilots) -> float:
     return bytes_
 
 
-def _about(number: float, part: float) -> Estimated:
+def about(number: float, part: float) -> Estimated:
+    """A number that is known within a part of it."""
     return Estimated(number, number * (1 - part), number * (1 + part))
