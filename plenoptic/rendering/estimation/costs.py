@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class Costs(NamedTuple):
     head_bytes: float
     exposure_bytes: float
     cached_bytes: float
+    runs: tuple[PilotRun, ...]
+    """Runs with some of the samples, or all."""
 
 
 class Pilots:
@@ -117,6 +119,12 @@ class Pilots:
         tiles = [self.tiles[i % len(self.tiles)] for i in range(number * n, (number + 1) * n)]
         return self._run(budget, whole_tiles(tiles))
 
+    def run_on(self, other: PilotRun, samples: int) -> PilotRun:
+        """Pilot run on the pixels of another, with at most a number of samples."""
+        few = min(samples, _MOST_SAMPLES, max(4 * _PATHS // other.pixels, self.budget.replicates))
+        budget = Budget(few, None, None, min(self.budget.replicates, few))
+        return self._run(budget, cast("list[PilotTile]", other.progress.tiles))
+
     def _run(self, budget: Budget, tiles: list[PilotTile]) -> PilotRun:
         keeps = (self.budget.steps or self.budget.passes) and self.pixels < _KEPT_PIXELS
         return run_pilot(self.context, self.subject, budget, tiles, self.threads, keeps=keeps)
@@ -132,7 +140,7 @@ def costs_by_samples(pilots: Pilots) -> Costs:
     pilots.run(min(few, 4), 0, paths=0)  # compilation and caches
     runs = [pilots.run(few, seed) for seed in range(_FEWEST_RUNS)]
     each = [run.cpu_seconds / run.pixels for run in runs]
-    while len(runs) < _MOST_RUNS and (cost := _interval(each)).high > (1 + 3 * _UNKNOWN) * cost.value:
+    while len(runs) < _MOST_RUNS and (cost := interval(each)).high > (1 + 3 * _UNKNOWN) * cost.value:
         runs.append(pilots.run(few, len(runs)))
         each.append(runs[-1].cpu_seconds / runs[-1].pixels)
     if samples > few:
@@ -140,7 +148,8 @@ def costs_by_samples(pilots: Pilots) -> Costs:
         slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
     final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
-    return Costs(_interval(each), final_samples, final_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    busy = _busy(runs, pilots)
+    return Costs(interval(each), final_samples, final_samples, steps, busy, *_bytes(runs[0]), tuple(runs))
 
 
 def costs_by_error(pilots: Pilots) -> Costs:
@@ -166,7 +175,8 @@ def costs_by_error(pilots: Pilots) -> Costs:
     most_samples = Estimated(
         *(min(max(float(number), pilots.budget.enough), pilots.budget.max_samples) for number in most)
     )
-    return Costs(each, samples, most_samples, steps, _busy(runs, pilots), *_bytes(runs[0]))
+    busy, few_runs = _busy(runs, pilots), tuple(run for _, run in pairs)
+    return Costs(each, samples, most_samples, steps, busy, *_bytes(runs[0]), few_runs)
 
 
 def _deciding(pilots: Pilots, samples: int) -> list[PilotRun]:
@@ -177,7 +187,7 @@ def _deciding(pilots: Pilots, samples: int) -> list[PilotRun]:
     return runs
 
 
-def _interval(numbers: list[float]) -> Estimated:
+def interval(numbers: list[float]) -> Estimated:
     """Mean and interval of numbers."""
     mean = statistics.mean(numbers)
     off = 2 * statistics.stdev(numbers) / math.sqrt(len(numbers)) + 2 * _UNKNOWN * mean

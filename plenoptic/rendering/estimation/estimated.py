@@ -41,6 +41,8 @@ class Estimate:
         Mean paths of a pixel.
     plan : Plan
         Stages that will run.
+    relative_error : Estimated, optional
+        `Exposure.relative_error`; None if it is unknown: with one replicate, of black images and of particles.
 
     Examples
     --------
@@ -54,12 +56,14 @@ class Estimate:
     checkpoint_size: Estimated
     samples: Estimated
     plan: Plan
+    relative_error: Estimated | None = None
 
     def __repr__(self) -> str:
         rows = [
             ("processor time", _text(self.cpu_seconds, *_time_unit(self.cpu_seconds.value))),
             ("time", _text(self.seconds, *_time_unit(self.seconds.value))),
             ("samples per pixel", _text(self.samples, 1.0, "")),
+            *([] if self.relative_error is None else [("relative error", _text(self.relative_error, 0.01, "%"))]),
             ("peak memory", _text(self.peak_memory, 1e6, "MB")),
             ("EXR file", _text(self.file_size, 1e6, "MB")),
             ("checkpoint", _text(self.checkpoint_size, 1e6, "MB")),

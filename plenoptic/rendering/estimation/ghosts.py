@@ -9,6 +9,7 @@ import warnings
 from plenoptic.errors import PlenopticWarning
 from plenoptic.rendering.context import render_context
 from plenoptic.rendering.estimation.costs import Costs, Pilots, costs_by_samples
+from plenoptic.rendering.estimation.errors import render_error
 from plenoptic.rendering.estimation.estimated import Estimate, Estimated
 from plenoptic.rendering.estimation.memory import truth_bytes
 from plenoptic.rendering.estimation.totals import about, totals
@@ -44,7 +45,9 @@ def with_ghosts(estimate: Estimate, image: Pilots, costs: Costs) -> Estimate:
     with warnings.catch_warnings():
         # Ghosts may well be dark.
         warnings.simplefilter("ignore", PlenopticWarning)
-        light = totals(pilots, costs_by_samples(pilots))
+        own = costs_by_samples(pilots)
+        light = totals(pilots, own)
+        runs = tuple(image.run_on(run, round(costs.samples.value)) for run in own.runs)
     ratio = Estimated(1.0, most.low / most.value, most.high / most.value)
     part = Estimated(1.0, 1.0, 1.0) if ghosts.samples is not None else ratio
     set_up = about(seconds, _UNSURE)
@@ -53,6 +56,7 @@ def with_ghosts(estimate: Estimate, image: Pilots, costs: Costs) -> Estimate:
         estimate,
         cpu_seconds=_sum(estimate.cpu_seconds, light.cpu_seconds, part, set_up),
         seconds=_sum(estimate.seconds, light.seconds, part, set_up),
+        relative_error=None if scene.points is not None else render_error(image.budget, costs._replace(runs=runs), own),
         peak_memory=Estimated(
             *(max(a, b + exposure_bytes) for a, b in zip(estimate.peak_memory, light.peak_memory, strict=True))
         ),

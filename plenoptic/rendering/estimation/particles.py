@@ -49,6 +49,7 @@ def with_particles(
         cpu_seconds=_sum(estimate.cpu_seconds, scene_factor, pupils + rays),
         seconds=_sum(estimate.seconds, scene_factor, (pupils + rays) / threads),
         peak_memory=_sum(estimate.peak_memory, 1.0, memory),
+        relative_error=None,
     )
 
 

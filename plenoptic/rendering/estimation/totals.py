@@ -6,6 +6,7 @@ import math
 
 from plenoptic.camera.cache import MAX_CACHED_BYTES
 from plenoptic.rendering.estimation.costs import Costs, Pilots
+from plenoptic.rendering.estimation.errors import render_error
 from plenoptic.rendering.estimation.estimated import Estimate, Estimated
 from plenoptic.rendering.estimation.memory import PUPIL_BYTES, resident_bytes, truth_bytes
 from plenoptic.rendering.schedule.clock import Clock
@@ -40,6 +41,7 @@ def totals(pilots: Pilots, costs: Costs) -> Estimate:
         checkpoint_size=about(_LOG_BYTES + once * n + log, 0.3 if budget.steps else 0.02),
         samples=costs.samples,
         plan=pilots.context.plan,
+        relative_error=render_error(budget, costs),
     )
 
 

@@ -50,8 +50,8 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
 
     Their paths have random numbers of their own, which do not depend on those of the image.
     """
-    scene, ghosts, replicates = subject.scene, subject.settings.ghosts, shot.replicates
-    assert scene is not None and replicates is not None and shot.samples is not None
+    scene, ghosts, samples, replicates = subject.scene, subject.settings.ghosts, shot.samples, shot.replicates
+    assert scene is not None and samples is not None and replicates is not None
     if scene.points is not None:
         from plenoptic.rendering.points.points_exposure import add_points, image_of_points
 
@@ -60,7 +60,7 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
         shot = add_points(shot, image_of_points(scene, subject.camera, unlimited, seed, threads, ghosts), threads)
         if not scene.has_surfaces_or_light:
             return shot
-    of_ghosts = ghost_subject(subject, shot.samples, replicates)
+    of_ghosts = ghost_subject(subject, samples, replicates)
     budget = Budget(of_ghosts.samples, None, None, replicates)
     with warnings.catch_warnings():
         # The image has warned of its own light; ghosts may well be dark.
