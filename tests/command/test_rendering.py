@@ -256,7 +256,15 @@ def test_estimates_are_printed_for_people_and_for_programs(capsys, refused):
         assert word in out
     run("estimate --white camera.json --samples 8 --json")
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples"}
+    assert set(found) == {
+        "cpu_seconds",
+        "seconds",
+        "peak_memory",
+        "file_size",
+        "checkpoint_size",
+        "samples",
+        "relative_error",
+    }
     assert found["samples"] == {"value": 8, "low": 8, "high": 8}
     assert all(0 < one["low"] <= one["value"] <= one["high"] for one in found.values())
     assert "--samples and --target-error are missing" in refused("estimate wall.obj camera.json --time-limit 4")

@@ -67,7 +67,7 @@ class Costs(NamedTuple):
     exposure_bytes: float
     cached_bytes: float
     runs: tuple[PilotRun, ...]
-    """Runs with some of the samples, or all."""
+    """Two runs with some of the samples, or all."""
 
 
 class Pilots:
@@ -148,8 +148,8 @@ def costs_by_samples(pilots: Pilots) -> Costs:
         slopes = [(a - b.cpu_seconds / b.pixels) / (few - few // 4) for a, b in zip(each, quarter_runs, strict=True)]
         each = [a + max(slope, a / (2 * few)) * (samples - few) for a, slope in zip(each, slopes, strict=True)]
     final_samples, steps = Estimated(samples, samples, samples), 2.0 if pilots.budget.passes else 1.0
-    busy = _busy(runs, pilots)
-    return Costs(interval(each), final_samples, final_samples, steps, busy, *_bytes(runs[0]), tuple(runs))
+    busy, few_runs = _busy(runs, pilots), tuple(runs[:_FEWEST_RUNS])
+    return Costs(interval(each), final_samples, final_samples, steps, busy, *_bytes(runs[0]), few_runs)
 
 
 def costs_by_error(pilots: Pilots) -> Costs:
