@@ -1,4 +1,4 @@
-"""Estimate of a render's time, memory and file sizes, from pilot runs."""
+"""Estimate of a render's time, memory, error and file sizes, from pilot runs."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def estimate(  # noqa: PLR0913
     threads: int | None = None,
     progress: bool = True,
 ) -> Estimate:
-    """Estimate the time, memory and file sizes of `render` in a few seconds, from pilot runs all over the frame.
+    """Estimate time, memory, error and file sizes of `render` in a few seconds, from pilot runs all over the frame.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def estimate(  # noqa: PLR0913
     Returns
     -------
     Estimate
-        Times hold for this machine under its present load. The bar of a render with the same arguments starts with it.
+        Times hold for this machine under its present load. The bar of a render with the same arguments starts with it
+        (with that of the image, since ghosts have a bar of their own).
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Estimated time, memory and file sizes of a render."""
+"""Estimated time, memory, error and file sizes of a render."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Estimated(NamedTuple):
 
 @value
 class Estimate:
-    """Estimated time, memory and file sizes of a render.
+    """Estimated time, memory, error and file sizes of a render.
 
     Parameters
     ----------
