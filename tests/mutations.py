@@ -123,6 +123,9 @@ own_colour_decides rendering/schedule/progress.py: rendering/schedule/test_progr
 estimated_samples rendering/estimation/decisions.py: rendering/test_estimate.py
 - at * np.maximum(over, 1.0) ** (1 / falls)
 + at * np.maximum(over, 1.0) ** falls
+estimated_error_of_ghosts rendering/estimation/errors.py: rendering/test_estimate.py
+- light.standard_error * factor
++ light.standard_error / factor
 merged_error rendering/merging/stacking.py: rendering/test_merging.py
 - np.square(weight * shot["standard_error"])
 + weight * np.square(shot["standard_error"])

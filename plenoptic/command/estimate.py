@@ -18,7 +18,8 @@ def fill_parser(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the estimate."""
-    from plenoptic.rendering.estimation.estimate import Estimated, estimate
+    from plenoptic.rendering.estimation.estimate import estimate
+    from plenoptic.rendering.estimation.estimated import Estimated
 
     request = request_of(options)
     arguments = request.arguments("samples", "target_error", "replicates", "threads", "progress")

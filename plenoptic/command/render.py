@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> None:
     if request.scene is None:
         exposure = render_white(request.camera, **arguments)
     else:
-        exposure = render(request.scene, request.camera, ghosts=request.settings.ghosts, **arguments)
+        exposure = render(request.scene, request.camera, **arguments)
     exposure.save(options.output)
     print(f"{options.output}: {exposure}\n{exposure.stats}", flush=True)
     if exposure.interrupted:

@@ -37,7 +37,7 @@ class Request(NamedTuple):
         arguments = _options(self.options, *names)
         arguments |= {"region": self.region, "sampler": self.settings.sampler}
         if self.scene is not None:
-            arguments |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics")}
+            arguments |= {name: getattr(self.settings, name) for name in ("max_bounces", "clamp", "caustics", "ghosts")}
             arguments |= {} if self.options.truth is None else {"truth": _parse_truth(self.options.truth)}
         return arguments
 

@@ -1,5 +1,5 @@
-from .estimation.estimate import Estimate as Estimate
-from .estimation.estimate import Estimated as Estimated
+from .estimation.estimated import Estimate as Estimate
+from .estimation.estimated import Estimated as Estimated
 from .exposure import Exposure as Exposure
 from .film import Film as Film
 from .plan.stages import Decision as Decision

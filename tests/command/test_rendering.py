@@ -15,7 +15,9 @@ from plenoptic.command.tiles import missing_tiles, tile_grid
 from plenoptic.rendering.schedule import tile_jobs
 
 CAMERA = pl.camera.example_camera(shape=(21, 27))
-SETTINGS = pl.rendering.RenderSettings(max_bounces=2, sampler=pl.rendering.Sampler.RANDOM)
+SETTINGS = pl.rendering.RenderSettings(
+    max_bounces=2, sampler=pl.rendering.Sampler.RANDOM, ghosts=pl.rendering.Ghosts(samples=2)
+)
 WALL = "o wall\nv -300 -300 -900\nv 300 -300 -900\nv 0 300 -900\nf 1 2 3\n"
 
 
@@ -243,10 +245,11 @@ def test_an_interrupted_render_is_saved_and_goes_on_from_its_checkpoint(capsys, 
 
 
 def test_estimates_are_printed_for_people_and_for_programs(capsys, refused):
-    run("estimate wall.obj camera.json --samples 8 --seed 2 --tile 1/2 --time-limit 9 -o nowhere/a.exr")
+    run("estimate wall.obj camera.json --samples 8 --settings settings.json --tile 1/2 --time-limit 9 -o nowhere/a.exr")
     out = capsys.readouterr().out
     for word in (
         "aperture regions, ",
+        "ghosts; ",
         " others are left out",
         "processor time ",
         "samples per pixel  8",
@@ -256,7 +259,15 @@ def test_estimates_are_printed_for_people_and_for_programs(capsys, refused):
         assert word in out
     run("estimate --white camera.json --samples 8 --json")
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_size", "samples"}
+    assert set(found) == {
+        "cpu_seconds",
+        "seconds",
+        "peak_memory",
+        "file_size",
+        "checkpoint_size",
+        "samples",
+        "relative_error",
+    }
     assert found["samples"] == {"value": 8, "low": 8, "high": 8}
     assert all(0 < one["low"] <= one["value"] <= one["high"] for one in found.values())
     assert "--samples and --target-error are missing" in refused("estimate wall.obj camera.json --time-limit 4")

@@ -131,7 +131,8 @@ render.target: pl.render(scene=scene(), camera=camera(), samples=16, target_erro
 pl.render_white(camera=camera(), **quick)
 pl.ground_truth(scene=scene(), camera=camera(), truth=pl.Truth.DEPTH, region=quick["region"], threads=1)
 pl.warm_up(scene=None, camera=camera(), truth=pl.Truth.DEPTH, depth=False, progress=False)
-pl.estimate(scene=scene(), camera=camera(), samples=4, target_error=0.5, threads=1, progress=False)
+pl.estimate(scene=scene(), camera=camera(), samples=4, target_error=0.5, ghosts=pl.rendering.Ghosts(samples=2),
+    threads=1, progress=False)
 pl.Diffraction(iris=True)
 pl.Motion(times=(0.0, 1.0), poses=[pl.Pose(np.eye(3), (x, 0.0, 0.0)) for x in (0.0, 1.0)])
 pl.Sequence(scene=scene(), camera=camera(), times=(0.0, 1.0))

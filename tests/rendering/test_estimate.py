@@ -5,12 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from ghost_images import TRIPLET, camera_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import plenoptic as pl
 from plenoptic.camera.cache import prepared_camera
-from plenoptic.rendering.estimation import estimate as estimating
+from plenoptic.rendering.estimation import costs
 from plenoptic.rendering.estimation.pilot import pilot_tiles, whole_tiles
 from plenoptic.rendering.schedule.budget import checked_budget
 from plenoptic.rendering.tiling import cut_into_tiles
@@ -23,8 +24,8 @@ NUMBERS = ("cpu_seconds", "seconds", "peak_memory", "file_size", "checkpoint_siz
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
     """Pilot runs with a sixteenth of the paths: these tests do not depend on their precision."""
-    monkeypatch.setattr(estimating, "_PATHS", 1 << 14)
-    monkeypatch.setattr(estimating, "_FEWEST", 1 << 10)
+    monkeypatch.setattr(costs, "_PATHS", 1 << 14)
+    monkeypatch.setattr(costs, "_FEWEST", 1 << 10)
 
 
 def estimate(scene=SCENE, camera=CAMERA, **given):
@@ -132,9 +133,67 @@ def test_what_is_impossible_is_refused():
     for wrong, said in (
         ({}, "samples and target_error are both None"),
         ({"samples": 4, "max_bounces": -1}, "max_bounces is -1"),
+        ({"samples": 4, "ghosts": 2}, "ghosts is an int; give a Ghosts, such as"),
+        ({"samples": 4, "ghosts": pl.rendering.Ghosts(sensor=0.2)}, "light is not traced back through microlenses"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             estimate(**wrong)
+
+
+GHOSTS, QUARTER = pl.rendering.Ghosts(sensor=0.3, samples=256), pl.rendering.Ghosts()
+"""With samples of their own, and with a quarter of those of the image."""
+
+
+@pytest.mark.parametrize(
+    "ghosts, most, options",
+    [
+        (None, 16, {"samples": 64}),
+        (None, 256, {"target_error": 0.02}),
+        (GHOSTS, 256, {"samples": 64}),
+        (GHOSTS, 16, {"target_error": 0.02}),
+        (QUARTER, 256, {"target_error": 0.02}),
+    ],
+)
+def test_relative_errors_are_those_of_renders(ghosts, most, options, monkeypatch):
+    """Within the intervals: seeds are fixed, and with as many runs errors are no matter of time.
+
+    A wall is seen and a lamp is not, so that nearly all of the noise is that of ghosts.
+    """
+    monkeypatch.setattr(costs, "_MOST_RUNS", 2)
+    monkeypatch.setattr(costs, "_MOST_SAMPLES", most)
+    wall = pl.quad((-200, -200, -600), (400, 0, 0), (0, 400, 0), material=pl.Emissive(1.0))
+    lamp = pl.quad((-10, 130, -400), (8, 0, 0), (0, 8, 0), material=pl.Emissive(1000.0))
+    camera, scene = camera_of(TRIPLET, side=48), pl.Scene([wall, lamp])
+    check(result := estimate(scene, camera, ghosts=ghosts, **options))
+    found = result.relative_error
+    for seed in (1, 2):
+        shot = pl.render(scene, camera, ghosts=ghosts, seed=seed, progress=False, **options)
+        assert found.low <= shot.relative_error <= found.high
+    # Exponents of the fall of errors differ by 1 / 4 from 16 samples to 256; 20 % are unknown on each side.
+    assert found.low < found.value < found.high < 3 * found.low
+
+
+def test_relative_errors_that_are_unknown_are_none():
+    for scene, options in (
+        (SCENE, {"replicates": 1}),
+        (pl.Scene(background=0.0), {}),
+        (pl.Scene(points=pl.Points([[0.0, 0.0, -410.0]], intensity=1.0), background=0.1), {}),
+    ):
+        assert estimate(scene, samples=4, **options).relative_error is None
+
+
+def test_ghosts_take_part_in_time_and_memory_alone():
+    """Not in samples, which a target decides, nor in checkpoints; white images have none."""
+    for options in ({"samples": 16}, {"target_error": 0.2}):
+        few, many = (pl.rendering.Ghosts(samples=samples) for samples in (2, 2048))
+        image, with_few, both = (estimate(ghosts=ghosts, **options) for ghosts in (None, few, many))
+        # The set-up of pairs, then paths: each takes several times as long.
+        assert both.cpu_seconds.low > with_few.cpu_seconds.high > with_few.cpu_seconds.low > image.cpu_seconds.high
+        assert both.peak_memory.value > image.peak_memory.low
+        assert (both.samples, both.checkpoint_size) == (image.samples, image.checkpoint_size)
+        assert both.plan.runs(pl.rendering.Stage.GHOSTS) and not image.plan.runs(pl.rendering.Stage.GHOSTS)
+    white = estimate(None, samples=16, ghosts=GHOSTS, region=np.s_[8:16, 8:16])
+    assert not white.plan.runs(pl.rendering.Stage.GHOSTS)
 
 
 NORMALS = {"samples": 16, "truth": pl.Truth.DEPTH | pl.Truth.NORMAL, "replicates": 8}
@@ -178,15 +237,15 @@ def test_a_corner_that_is_noisy_counts_as_much_as_it_is_large():
 
 
 def test_decisions_are_tried_with_fewer_samples_where_a_sample_takes_long(monkeypatch):
-    pilots, run = [], estimating.run_pilot
-    monkeypatch.setattr(estimating, "run_pilot", lambda *given, **more: pilots.append(given) or run(*given, **more))
-    monkeypatch.setattr(estimating, "_DECIDED_SECONDS", 0.0)
+    pilots, run = [], costs.run_pilot
+    monkeypatch.setattr(costs, "run_pilot", lambda *given, **more: pilots.append(given) or run(*given, **more))
+    monkeypatch.setattr(costs, "_DECIDED_SECONDS", 0.0)
     check(estimate(None, region=np.s_[32:40, 96:112], target_error=1e-4, threads=1))
     # Twice the 8 of the first decision are the least from which it is known how an error falls.
     assert [budget.samples for _, _, budget, *_ in pilots if budget.target_error is not None] == [16, 16]
     # With few samples there are no more pixels: 2^18 would take half a minute. At least two tiles, of one square each.
     pilots.clear()
-    monkeypatch.setattr(estimating, "_PATHS", 1 << 18)
-    monkeypatch.setattr(estimating, "_MOST", 1 << 11)
+    monkeypatch.setattr(costs, "_PATHS", 1 << 18)
+    monkeypatch.setattr(costs, "_MOST", 1 << 11)
     check(estimate(None, samples=1, threads=1))
     assert pilots and max(sum(tile.pixels for tile in tiles) for _, _, _, tiles, *_ in pilots) <= 72 * 208

@@ -27,6 +27,17 @@ def glass_in_a_corner():
     return pl.Scene([wall, *(ball.translated(*place) for place in places)])
 
 
+def medians(scene, camera, **options):
+    """Processor time of renders and its estimate, of new cameras."""
+    estimates, times = [], []
+    for _ in range(3):
+        estimates.append(pl.estimate(scene, camera(), **options).cpu_seconds.value)
+        fresh, begin = camera(), time.process_time()
+        pl.render(scene, fresh, **options)
+        times.append(time.process_time() - begin)
+    return statistics.median(times), statistics.median(estimates)
+
+
 def test_a_corner_that_costs_several_times_the_rest():
     scene, options = glass_in_a_corner(), {"max_bounces": 24, "truth": pl.Truth.NONE, "progress": False}
 
@@ -34,15 +45,22 @@ def test_a_corner_that_costs_several_times_the_rest():
         return pl.estimate(scene, camera(), samples=64, **options, **more).cpu_seconds.value
 
     pl.render(scene, camera(), samples=4, **options)  # compiles
-    estimates, times = [], []
-    for _ in range(3):
-        estimates.append(estimated())
-        fresh, begin = camera(), time.process_time()
-        pl.render(scene, fresh, samples=64, **options)
-        times.append(time.process_time() - begin)
-    took = statistics.median(times)
-    assert abs(took / statistics.median(estimates) - 1) < WITHIN
+    took, whole = medians(scene, camera, samples=64, **options)
+    assert abs(took / whole - 1) < WITHIN
     # By its left half alone the frame would cost half of that, and by that corner several times as much.
     corner, left = 16 * estimated(region=np.s_[:48, 144:]), 2 * estimated(region=np.s_[:, :96])
     assert corner > 3 * left
     assert left < (1 - WITHIN) * took and corner > (1 + WITHIN) * took
+
+
+@pytest.mark.parametrize("side, samples", [(8, 4), (48, 512)], ids=["the set-up of pairs", "paths of their own"])
+def test_ghosts_of_a_lens(side, samples):
+    def camera():
+        return pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(side, side))
+
+    options = {"samples": 64, "ghosts": pl.rendering.Ghosts(sensor=0.3, samples=samples), "progress": False}
+    pl.render(pl.check_scene(), camera(), **options)  # compiles
+    took, estimated = medians(pl.check_scene(), camera, **options)
+    assert abs(took / estimated - 1) < WITHIN
+    image = pl.estimate(pl.check_scene(), camera(), **{**options, "ghosts": None}).cpu_seconds.value
+    assert image < (1 - WITHIN) * took

@@ -12,7 +12,7 @@ from plenoptic.core.values import Floats
 from plenoptic.rendering.schedule.budget import Budget
 from plenoptic.rendering.schedule.progress import Progress
 
-_STEEP, _USUAL, _FLAT = 0.75, 0.62, 0.5
+STEEP, USUAL, FLAT = 0.75, 0.62, 0.5
 """Exponents of the decrease of errors with samples: a steep one, the usual one, and that of independent samples."""
 
 _STEP = 0.25
@@ -22,7 +22,7 @@ _STEP = 0.25
 def mean_samples(pilots: Sequence[Progress], budget: Budget, n_tiles: int) -> tuple[float, float, float]:
     """Mean number of samples of the pixels of a render of so many tiles, and its interval."""
     pixels = _pixels(pilots)
-    low, usual, high = (predicted_samples(pilots, falls) for falls in (_STEEP, _USUAL, _FLAT))
+    low, usual, high = (predicted_samples(pilots, falls) for falls in (STEEP, USUAL, FLAT))
     mean = float(np.average(usual, weights=pixels))
     unknown = max(1.0 - usual.size / n_tiles, 0.0)  # the fraction of tiles without a pilot
     spread = (relative_spread(pilots) * math.sqrt(unknown) + _STEP / math.sqrt(n_tiles)) * mean
@@ -46,7 +46,7 @@ def _pixels(pilots: Sequence[Progress]) -> Floats:
     return np.array([float(tile.pixels) for progress in pilots for tile in progress.tiles])
 
 
-def predicted_samples(pilots: Sequence[Progress], falls: float = _USUAL) -> Floats:
+def predicted_samples(pilots: Sequence[Progress], falls: float = USUAL) -> Floats:
     """(tiles,): predicted final sample numbers for a given exponent."""
     return np.concatenate([_predict(progress, falls) for progress in pilots])
 

@@ -1,4 +1,4 @@
-"""Memory of this process and of ground truth."""
+"""Memory of this process, of ground truth and of illuminated pupils."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from contextlib import suppress
 import numpy as np
 
 from plenoptic.truth.channels import CHANNELS, Truth, channels_of
+
+PUPIL_BYTES = 500
+"""Bytes of the illuminated pupil of a pixel."""
 
 
 def resident_bytes() -> int:

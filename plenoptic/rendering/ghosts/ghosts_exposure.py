@@ -26,16 +26,32 @@ _SEED = (1 << 64) - 1
 """Bits of a seed that ghosts of particles invert."""
 
 
+def ghost_subject(subject: Subject, samples: int, replicates: int) -> Subject:
+    """Subject of the ghosts in an image with a number of samples: light of surfaces and surroundings, not of particles.
+
+    Raises the errors of ghosts that the camera does not have.
+    """
+    scene, ghosts = subject.scene, subject.settings.ghosts
+    assert scene is not None and ghosts is not None
+    each = max(samples // _FRACTION // replicates, 1) if ghosts.samples is None else -(-ghosts.samples // replicates)
+    return dataclasses.replace(
+        subject,
+        scene=scene if scene.points is None else dataclasses.replace(scene, points=None),
+        camera=opening_camera(subject.camera),
+        samples=each * replicates,
+        replicates=replicates,
+        truth=Truth.NONE,
+        ghosts=ghost_lens(subject.camera, ghosts),
+    )
+
+
 def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Exposure:
     """Exposure of a scene with the light of the ghosts of its camera's lens; variances add up.
 
     Their paths have random numbers of their own, which do not depend on those of the image.
     """
-    scene, ghosts, replicates = subject.scene, subject.settings.ghosts, shot.replicates
-    assert scene is not None and ghosts is not None and replicates is not None and shot.samples is not None
-    each = (
-        max(shot.samples // _FRACTION // replicates, 1) if ghosts.samples is None else -(-ghosts.samples // replicates)
-    )
+    scene, ghosts, samples, replicates = subject.scene, subject.settings.ghosts, shot.samples, shot.replicates
+    assert scene is not None and samples is not None and replicates is not None
     if scene.points is not None:
         from plenoptic.rendering.points.points_exposure import add_points, image_of_points
 
@@ -44,17 +60,8 @@ def add_ghosts(shot: Exposure, subject: Subject, options: RenderOptions) -> Expo
         shot = add_points(shot, image_of_points(scene, subject.camera, unlimited, seed, threads, ghosts), threads)
         if not scene.has_surfaces_or_light:
             return shot
-        scene = dataclasses.replace(scene, points=None)
-    of_ghosts = dataclasses.replace(
-        subject,
-        scene=scene,
-        camera=opening_camera(subject.camera),
-        samples=each * replicates,
-        replicates=replicates,
-        truth=Truth.NONE,
-        ghosts=ghost_lens(subject.camera, ghosts),
-    )
-    budget = Budget(each * replicates, None, None, replicates)
+    of_ghosts = ghost_subject(subject, samples, replicates)
+    budget = Budget(of_ghosts.samples, None, None, replicates)
     with warnings.catch_warnings():
         # The image has warned of its own light; ghosts may well be dark.
         warnings.simplefilter("ignore", PlenopticWarning)

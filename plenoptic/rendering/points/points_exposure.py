@@ -33,7 +33,7 @@ _ROWS = 128
 """Rows of an image to which the light of particles is added together."""
 
 
-_GHOST_ERROR = 10.0
+GHOST_ERROR = 10.0
 """Error of the light of ghosts over that of the image, each as a fraction of its light: ghosts are the smaller part."""
 
 
@@ -64,7 +64,7 @@ def image_of_points(
     image, variance = np.zeros((2, rows * columns, traced.image_channels))
     if len(traced.lit):
         target_error = TARGET_ERROR if budget.target_error is None else budget.target_error
-        target_error *= 1.0 if ghosts is None else _GHOST_ERROR
+        target_error *= 1.0 if ghosts is None else GHOST_ERROR
         rays = choose_rays(traced, target_error, threads, end)
         intensity = traced.intensity / pixel_area(camera)
         for part in trace_particles(traced, rays, threads, traced.lit):

@@ -161,7 +161,13 @@ def test_plans_and_estimates_know_particles():
         for points in (None, pl.Points(positions, intensity=1.0))
     )
     assert many.cpu_seconds.value > few.cpu_seconds.value + 0.2 * alone[1].cpu_seconds.value
-    for estimate in (*alone, many):
+    few_points = pl.Scene(points=pl.Points(positions[:50], intensity=1.0))
+    image, ghosts = (
+        pl.estimate(few_points, BARE, samples=4, ghosts=ghosts, progress=False)
+        for ghosts in (None, pl.rendering.Ghosts())
+    )
+    assert ghosts.cpu_seconds.value > 3 * image.cpu_seconds.value  # rays through each pair of surfaces
+    for estimate in (*alone, many, ghosts):
         for number in (estimate.cpu_seconds, estimate.seconds, estimate.peak_memory):
             assert 0 < number.low <= number.value <= number.high
 
