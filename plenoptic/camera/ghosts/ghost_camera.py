@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,8 @@ from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
-from plenoptic.optics.microlens.microlens_record import SensorPlane
+from plenoptic.optics.microlens.plano_convex import PlateRecord
+from plenoptic.optics.microlens.plate_losses import axial_transmission
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -111,25 +112,35 @@ def _part(record: LensRecord, begin: int, end: int) -> LensRecord:
 
 
 def array_reflections(camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tuple[float, ...]) -> list[ArrayReflection]:
-    """Mirrors behind the microlenses of a camera: its sensor, and faces of plates."""
+    """Mirrors behind the microlenses of a camera: its sensor, and faces of plates.
+
+    Light loses at the sides of coated microlenses on its way to the sensor and back; on the way to the rear face and
+    back, as much as light along the axis.
+    """
     microlenses = camera.microlenses
     assert microlenses is not None
-    mirrors: list[tuple[SensorPlane | None, float]] = []
-    if ghosts.sensor is not None:
-        if not microlenses.model.focuses:
-            raise InvalidValueError(
-                "ghosts have a reflectance of the sensor, whose light would have to meet pinholes a second time; leave "
-                "it out, or choose another model of the microlenses"
-            )
-        mirrors.append((forward_record(camera).sensor._replace(axes=None), ghosts.sensor))
-    if ghosts.array is not None:
-        mirrors += [(face, ghosts.array) for face in microlenses.model.refraction.faces(microlenses)]
-    if not mirrors:
+    faces = () if ghosts.array is None else microlenses.model.refraction.faces(microlenses)
+    if ghosts.sensor is None and not faces:
         return []
-    nm = (camera.wavelength,) if microlenses.medium is None else wavelengths
+    is_grey = microlenses.medium is None and microlenses.coating is None
+    nm = (camera.wavelength,) if is_grey else wavelengths
     records = [forward_record(dataclasses.replace(camera, wavelength=each)) for each in nm]
-    arrays = tuple(record.array for record in records if record.array is not None)
-    return [ArrayReflection(microlenses, arrays, records[0].parts, *mirror) for mirror in mirrors]
+    arrays, parts = tuple(record.array for record in records if record.array is not None), records[0].parts
+    found = []
+    if ghosts.sensor is not None:
+        sensor = records[0].sensor._replace(axes=None)
+        found.append(ArrayReflection(microlenses, arrays, parts, sensor, ghosts.sensor))
+    if ghosts.array is not None:
+        lossless = tuple(array._replace(model=_without_losses(array.model)) for array in arrays)
+        through = axial_transmission(microlenses, camera.wavelength, camera.lens.rear_medium)
+        for number, face in enumerate(faces, start=1):
+            light = ghosts.array if through is None or number < len(faces) else ghosts.array * through
+            found.append(ArrayReflection(microlenses, lossless, parts, face, light))
+    return found
+
+
+def _without_losses(model: tuple[Any, ...] | None) -> tuple[Any, ...] | None:
+    return model._replace(losses=None) if isinstance(model, PlateRecord) else model
 
 
 def opening_camera(camera: PlenopticCamera) -> PlenopticCamera:
@@ -171,6 +182,11 @@ def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
     """The lens of a camera with the plane of its sensor as a mirror, or that of a flat face of its microlenses."""
     microlenses, reflectance, placed, front = camera.microlenses, ghosts.sensor, camera.sensor_placement, 0.0
     if microlenses is not None:
+        if ghosts.sensor is not None and not microlenses.model.focuses:
+            raise InvalidValueError(
+                "ghosts have a reflectance of the sensor, whose light would have to meet pinholes a second time; leave "
+                "it out, or choose another model of the microlenses"
+            )
         refraction = microlenses.model.refraction
         reflectance = ghosts.array if refraction.is_flat_in_front(microlenses) else None
         placed, front = camera.microlenses_placement, refraction.depths(microlenses).front

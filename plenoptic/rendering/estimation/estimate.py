@@ -86,7 +86,7 @@ def estimate(  # noqa: PLR0913
     subject = Subject(scene, camera, budget.max_samples, budget.replicates, requested, settings)
     workers = thread_count(threads)
     if scene is not None and ghosts is not None:
-        from plenoptic.camera.ghost_camera import ghost_lens  # few images have ghosts
+        from plenoptic.camera.ghosts.ghost_camera import ghost_lens  # few images have ghosts
 
         ghost_lens(camera, ghosts)  # raises errors before pilots run
     with CallProgress("estimating", kind="scene", show=progress):

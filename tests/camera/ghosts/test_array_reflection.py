@@ -229,3 +229,20 @@ def test_paths_of_each_wavelength_meet_microlenses_of_its_index():
         assert lit.sum() > 10
         np.testing.assert_allclose(both[lit, :6], expected[lit, :6], rtol=0, atol=1e-9)
         np.testing.assert_allclose(both[lit, 6], expected[lit, 6], rtol=1e-9)
+
+
+def test_coated_microlenses_take_light_on_both_ways():
+    """Along the axis in closed form: four sides on the way to the sensor and back, the front one twice to the rear."""
+    p, d = np.tile((0.0, 0.0, 100.0), (BLOCK, 1)), np.tile((0.0, 0.0, 1.0), (BLOCK, 1))
+    side = 1.0 - ((INDEX - 1.0) / (INDEX + 1.0)) ** 2
+    model = pl.optics.MicrolensModel.SPHERICAL
+    for convex, mirror, sides in (
+        (SIDES.SCENE, "sensor", 4),
+        (SIDES.SENSOR, "sensor", 4),
+        (SIDES.SCENE, "flat", 2),
+        (SIDES.SENSOR, "curved", 2),
+        (SIDES.SCENE, "curved", 0),
+    ):
+        camera = camera_of(model, convex, coating=pl.optics.Coating())
+        _, _, weights = reflected(camera, mirror, p, d, -1.0)
+        np.testing.assert_allclose(weights, 0.5 * side**sides, rtol=1e-6)
