@@ -1,5 +1,6 @@
 """`pl.estimate`: pilots from the whole frame, and numbers that are in order. Times are not held to any clock."""
 
+import dataclasses
 import itertools
 import math
 
@@ -130,11 +131,13 @@ def test_a_target_ends_with_the_samples_that_are_given():
 
 
 def test_what_is_impossible_is_refused():
+    array = dataclasses.replace(CAMERA.microlenses, model=pl.optics.MicrolensModel.PINHOLE)
+    pinholes = dataclasses.replace(CAMERA, microlenses=array)
     for wrong, said in (
         ({}, "samples and target_error are both None"),
         ({"samples": 4, "max_bounces": -1}, "max_bounces is -1"),
         ({"samples": 4, "ghosts": 2}, "ghosts is an int; give a Ghosts, such as"),
-        ({"samples": 4, "ghosts": pl.rendering.Ghosts(sensor=0.2)}, "light is not traced back through microlenses"),
+        ({"samples": 4, "ghosts": GHOSTS, "camera": pinholes}, "pinholes a second time"),
     ):
         with pytest.raises(pl.errors.InvalidValueError, match=said):
             estimate(**wrong)
