@@ -122,8 +122,9 @@ def test_a_target_ends_with_the_samples_that_are_given():
     assert result.samples.high <= 24 and result.samples.value == 24
     check(free := estimate(None, target_error=0.2, samples=1 << 20))
     assert free.samples.value < 1000
-    first = [line[:18].rstrip() for line in repr(free).splitlines()[:6]]
-    assert first == ["processor time", "time", "samples per pixel", "peak memory", "EXR file", "checkpoint"]
+    first = [line[:18].rstrip() for line in repr(free).splitlines()[:7]]
+    assert first[:4] == ["processor time", "time", "samples per pixel", "relative error"]
+    assert first[4:] == ["peak memory", "EXR file", "checkpoint"]
     assert "unvignetted core" in repr(free)
     for samples in (2, 3):  # too few to decide by
         check(result := estimate(None, samples=samples, target_error=0.02, threads=1))
@@ -185,16 +186,17 @@ def test_relative_errors_that_are_unknown_are_none():
         assert estimate(scene, samples=4, **options).relative_error is None
 
 
-def test_ghosts_take_part_in_time_and_memory_alone():
+def test_ghosts_take_part_in_time_memory_and_error_alone(monkeypatch):
     """Not in samples, which a target decides, nor in checkpoints; white images have none."""
-    for options in ({"samples": 16}, {"target_error": 0.2}):
-        few, many = (pl.rendering.Ghosts(samples=samples) for samples in (2, 2048))
-        image, with_few, both = (estimate(ghosts=ghosts, **options) for ghosts in (None, few, many))
-        # The set-up of pairs, then paths: each takes several times as long.
-        assert both.cpu_seconds.low > with_few.cpu_seconds.high > with_few.cpu_seconds.low > image.cpu_seconds.high
-        assert both.peak_memory.value > image.peak_memory.low
-        assert (both.samples, both.checkpoint_size) == (image.samples, image.checkpoint_size)
-        assert both.plan.runs(pl.rendering.Stage.GHOSTS) and not image.plan.runs(pl.rendering.Stage.GHOSTS)
+    monkeypatch.setattr(costs, "_MOST_SAMPLES", 32)
+    camera = camera_of(TRIPLET, side=48)
+    few, many = (pl.rendering.Ghosts(samples=samples) for samples in (2, 2048))
+    image, with_few, both = (estimate(SCENE, camera, target_error=0.2, ghosts=ghosts) for ghosts in (None, few, many))
+    # The set-up of pairs, then paths: each takes several times as long.
+    assert both.cpu_seconds.low > with_few.cpu_seconds.high > with_few.cpu_seconds.low > image.cpu_seconds.high
+    assert both.peak_memory.value > image.peak_memory.low
+    assert (both.samples, both.checkpoint_size) == (image.samples, image.checkpoint_size)
+    assert both.plan.runs(pl.rendering.Stage.GHOSTS) and not image.plan.runs(pl.rendering.Stage.GHOSTS)
     white = estimate(None, samples=16, ghosts=GHOSTS, region=np.s_[8:16, 8:16])
     assert not white.plan.runs(pl.rendering.Stage.GHOSTS)
 
