@@ -152,8 +152,8 @@ def depth(  # noqa: PLR0913
     way. Interpolation smooths noise, most of all halfway between pixels, and would attract disparities to such places;
     the refinement takes that off.
 
-    A pair of dual pixels is matched with the half discs that are the images of points out of focus, traced at the
-    sensor's centre: the left image is blurred by those of the right one, and the other way round, for disparities 0.25
+    A pair of dual pixels is matched with the half discs that are the images of points out of focus, traced at places
+    over the sensor: the left image is blurred by those of the right one, and the other way round, for disparities 0.25
     pixels or 5 % apart. Both are then equal at the true one, however strong the blur. Only waves longer than 3.3 pixels
     are compared, since pixels alias finer detail. There is no depth where images blur across the border.
 

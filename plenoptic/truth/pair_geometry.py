@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +15,7 @@ from plenoptic.camera.gaussian import image_plane, object_plane
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import batch_record
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
-from plenoptic.core.values import Floats, broadcast, check_kind, finite, numbers, result
+from plenoptic.core.values import Floats, broadcast, check_kind, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.microlens.kernels.to_lens import fill_well_response
@@ -24,25 +23,11 @@ from plenoptic.optics.microlens.microlens_record import SensorPlane, WellsRecord
 from plenoptic.optics.sensor.dual_pixel_sensor import wells_of
 from plenoptic.optics.sensor.dual_pixels import DualPixels
 
-_NODES, _DEGREE, _SAMPLES, _CENTRAL = 13, 6, 1 << 16, 1 << 13
-"""Nodes along each side of the sensor, degree of the polynomials through them, rays of a node, and those of the middle
-one that are kept for blur."""
+_NODES, _DEGREE, _SAMPLES, _PUPIL = 13, 6, 1 << 16, 1 << 11
+"""Nodes along each side of the sensor, degree of the polynomials through them, rays of a node, and those that are kept
+for blur."""
 _ROUNDING = 1e-12
 _ORDERS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
-
-
-class CentralRays(NamedTuple):
-    """Rays of the pixel at the sensor's centre in front of the lens, relative to the centroid of its beam.
-
-    Axes are those of columns and rows: x and -y.
-    """
-
-    at_zero: Floats
-    """(n, 2) mm in the plane z = 0."""
-    by_z: Floats
-    """(n, 2) slopes."""
-    weights: Floats
-    """(2, n) light of both halves before crosstalk, which adds up to 1."""
 
 
 @result
@@ -59,7 +44,10 @@ class PairGeometry:
         Legendre polynomials over the field by orders along rows and columns, before crosstalk: share of the left half,
         difference of the halves' centroids in the plane z = 0 and by z, and the centroid of the pixel's beam, all rays
         that pass the lens, in that plane and by z.
-    pupil : CentralRays
+    pupils : (13, 13, n, 6) array
+        Rays in front of the lens of pixels on a grid over the field, to its ends: x and -y, along columns and rows, in
+        the plane z = 0 and by z, relative to the centroid of the pixel's beam; and the light of both halves before
+        crosstalk, which adds up to 1. 0 where a half is dark.
     lit : (12, 12) array
         Parts of the field: 0 where both halves get light at all corners, 1 where the left one alone does and -1 where
         the right one, nan elsewhere.
@@ -67,7 +55,7 @@ class PairGeometry:
 
     camera: PlenopticCamera
     coefficients: Floats
-    pupil: CentralRays
+    pupils: Floats
     lit: Floats
 
     def disparity(self, depth: ArrayLike, *, region: tuple[int, int, int, int] | None = None) -> Floats:
@@ -105,12 +93,19 @@ class PairGeometry:
         """Vignetting asymmetry (H, W) of a white image: (left - right) / (left + right)."""
         return np.asarray(2.0 * self._features(region)[0] - 1.0)
 
-    def blur(self, disparity: float) -> Floats:
-        """Columns and rows (n, 2) by which the `pupil` rays displace images of points of a disparity, at the centre."""
-        pixels = finite(disparity, "disparity")
-        _, a, b, c, d = (float(value) for value in self._values(np.zeros(1), np.zeros(1))[:, 0, 0])
-        inverse_z = -(b + pixels * d) / (a + pixels * c)
-        return np.asarray(-(self.pupil.at_zero * inverse_z + self.pupil.by_z) / (c * inverse_z + d))
+    def blur(self, disparity: ArrayLike, *, node: tuple[int, int] = (_NODES // 2, _NODES // 2)) -> Floats:
+        """Columns and rows (..., n, 2) by which the rays of one of `pupils` displace images of points.
+
+        The points have disparities (...) in pixels. The rays are those of the centre, or of another node, a row and
+        column of the grid; nan where a half is dark.
+        """
+        rows, columns = self.pupils.shape[:2]
+        if node not in list(np.ndindex(rows, columns)):
+            raise InvalidValueError(f"node is {node!r:.60}; give a row and column of {rows} x {columns} nodes")
+        pixels, (v, u) = numbers(disparity, "disparity")[..., None, None], np.array(node) / (_NODES // 2) - 1.0
+        _, a, b, c, d = self._values(np.array([v]), np.array([u]))[:, 0, 0]
+        inverse_z, rays = -(b + pixels * d) / (a + pixels * c), self.pupils[node]
+        return np.asarray(-(rays[:, :2] * inverse_z + rays[:, 2:4]) / (c * inverse_z + d))
 
     def _features(self, region: tuple[int, int, int, int] | None) -> Floats:
         """(5, H, W) share, differences of the halves' centroids, and derivatives of the beam's centroid by columns."""
@@ -197,7 +192,7 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     plain_camera = dataclasses.replace(camera, pose=None, sensitivity=None, diffraction=None, sensor=plain)
     v, u = (part.ravel() for part in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, _NODES)], indexing="ij"))
     nodes = (np.stack([v, u], axis=1) + 1.0) * camera.sensor.shape / 2 - 0.5
-    features, pupil = _trace(plain_camera, pixels, nodes)
+    features, pupils = _trace(plain_camera, pixels, nodes)
     lit, asymmetry = np.isfinite(features[:, 1]), (2.0 * features[:, 0] - 1.0).reshape(_NODES, _NODES)
     corners = np.stack([asymmetry[:-1, :-1], asymmetry[:-1, 1:], asymmetry[1:, :-1], asymmetry[1:, 1:]])
     one_half = np.where(np.abs(corners.sum(axis=0)) == len(corners), corners[0], np.nan)
@@ -205,7 +200,7 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     # As many orders as there are places.
     rows, columns = (lit.reshape(_NODES, _NODES).any(axis=axis).sum() for axis in (1, 0))
     orders = [(i, j) for i, j in _ORDERS if i < rows and j < columns]
-    if lit.sum() < 2 * len(_ORDERS) or pupil is None or parts[_NODES // 2, _NODES // 2] != 0:
+    if lit.sum() < 2 * len(_ORDERS) or parts[_NODES // 2, _NODES // 2] != 0:
         raise InvalidValueError(
             f"{np.sum(~lit)} of {lit.size} places on the sensor get no light in one of the halves; take a smaller "
             "sensor, or a cra nearer to the chief rays of the lens"
@@ -213,11 +208,11 @@ def pair_geometry(camera: PlenopticCamera) -> PairGeometry:
     terms = np.stack([_powers(v)[i] * _powers(u)[j] for i, j in orders], axis=1)
     coefficients = np.zeros((5, _DEGREE + 1, _DEGREE + 1))
     coefficients[:, *np.transpose(orders)] = np.linalg.lstsq(terms[lit], features[lit], rcond=None)[0].T
-    return PairGeometry(camera, coefficients, pupil, parts)
+    return PairGeometry(camera, coefficients, pupils.reshape(_NODES, _NODES, _PUPIL, 6), parts)
 
 
-def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, CentralRays | None]:
-    """Features (n, 5) of nodes (n, 2) in rows and columns, and the rays of the middle one.
+def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[Floats, Floats]:
+    """Features (n, 5) of nodes (n, 2) in rows and columns, and rays (n, rays, 6), see `PairGeometry.pupils`.
 
     Where a half is dark, the part of the left half alone is finite; where both are, none.
     """
@@ -227,7 +222,7 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
     illuminated = illuminated_pixels(record, np.ascontiguousarray(local[:, :2]), np.zeros(len(nodes), np.int64))
     camera_rays = CameraRays(record, illuminated, batch_record(np.uint64(0), 0, _SAMPLES, 1, 0, 0), _SAMPLES)
     halves = [_half_record(camera, pixels, column) for column in (0, 1)]
-    features, pupil = np.full((len(nodes), 5), np.nan), None
+    features, pupils = np.full((len(nodes), 5), np.nan), np.zeros((len(nodes), _PUPIL, 6))
     for k, node in enumerate(illuminated.place):
         bundle = camera_rays.sample(k * _SAMPLES, _SAMPLES)
         responses = np.stack([_responses(bundle, record.sensor.plane, half) for half in halves])
@@ -250,12 +245,10 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
         (left, right), beam = weights @ planes[..., 0].T, planes.mean(axis=1)
         features[node] = [shares[0], *(left - right), *beam[:, 0]]
-        if node == len(nodes) // 2:
-            at_zero, by_z = (planes - beam[:, None])[:, :_CENTRAL]
-            weights = weights[:, :_CENTRAL]
-            weights *= (shares / weights.sum(axis=1))[:, None]
-            pupil = CentralRays(at_zero, by_z, weights)
-    return features, pupil
+        at_zero, by_z = (planes - beam[:, None])[:, :_PUPIL]
+        weights = weights[:, :_PUPIL] / np.maximum(weights[:, :_PUPIL].sum(axis=1, keepdims=True), _ROUNDING)
+        pupils[node, : len(at_zero)] = np.hstack([at_zero, by_z, weights.T * shares])
+    return features, pupils
 
 
 def _half_record(camera: PlenopticCamera, pixels: DualPixels, column: int) -> WellsRecord:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,11 +18,16 @@ from plenoptic.truth.pair_geometry import PairGeometry, pair_geometry
 DEFAULT_RANGE, DEFAULT_RADIUS = (-10.0, 10.0), 8
 _STEP, _GROWTH = 0.25, 0.05
 """Distance of the disparities that are compared in pixels, and over the disparity where that is more."""
+_WIDENING = 0.6
+"""Root mean square width of a disc by the disparity of its halves, 3 pi / 16. Where it is more, as by a table of halves
+that share light, distances are less by as much: a step of the blur would bend the parabola."""
 _DAMPING = 0.05
 """Added in quadrature to the norm of both transfer functions: waves that neither half shows count less."""
 _BAND = 0.3
 """Frequencies that are compared, in cycles per pixel: pixels alias finer detail into those near 1/2, which moves by
 other disparities."""
+_TILE = 64
+"""Least distance of the places on the sensor in pixels whose half discs are computed."""
 
 
 def match_pair(images: WellImages, disparities: tuple[float, float], radius: int) -> tuple[Matches, Floats]:
@@ -30,15 +37,19 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     half discs of a disparity, the left image blurred by k_R equals the right one blurred by k_L. Their difference, over
     the root of |k_L|^2 + |k_R|^2 at each frequency, has the noise of the images at all disparities, so that its squares
     compare them without a preference for blur. Its least sum over a window, by a parabola, is the match; its value and
-    curvature there give the standard error.
+    curvature there give the standard error. Sums of squares by the half discs of several places on the sensor are
+    interpolated linearly between these.
     """
-    geometry, region = pair_geometry(images.camera), images.exposures[0].region
+    geometry, region, (rows, columns) = pair_geometry(images.camera), images.exposures[0].region, images.left.shape[:2]
+    region = (0, rows, 0, columns) if region is None else region
     vignetting = geometry.asymmetry(region=region)
     lit = np.abs(vignetting) < 1.0
     vignetting = np.where(lit, vignetting, 0.0)
     left, right = images.left.mean(axis=-1) / (1.0 + vignetting), images.right.mean(axis=-1) / (1.0 - vignetting)
-    planes = _planes(*disparities)
-    reach = np.array([np.abs(geometry.blur(disparity)).max() for disparity in planes])
+    widening = np.std((geometry.blur(1.0) - geometry.blur(0.0))[:, 0])
+    planes = _planes(*disparities, min(1.0, _WIDENING / widening))
+    tiles = list(_tiles(geometry, region))
+    reach = np.max([np.abs(geometry.blur(planes, node=node)).max(axis=(1, 2)) for node, *_ in tiles], axis=0)
     border = math.ceil(reach.max()) + 2
     if min(left.shape) <= 2 * radius + 1 or border >= min(left.shape):
         raise InvalidValueError(
@@ -46,8 +57,13 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
             f"{border} need more: give a smaller window_radius or disparity_range"
         )
     padded = np.pad([left, right], ((0, 0), (border, border), (border, border)), "reflect")
-    cost, noise = _costs(padded, planes, geometry)
-    cost = np.stack([_window_sums(each[border:-border, border:-border], radius) for each in cost])
+    cost, noise = np.zeros((len(planes), *left.shape)), np.zeros((2, len(planes)))
+    for node, rows, columns, weights in tiles:
+        part = padded[:, rows.start : rows.stop + 2 * border, columns.start : columns.stop + 2 * border]
+        costs, tile_noise = _costs(part, planes, geometry, node)
+        cost[:, rows, columns] += weights * costs[:, border:-border, border:-border]
+        noise += weights.sum() / left.size * tile_noise
+    cost = np.stack([_window_sums(each, radius) for each in cost])
     matches = _minimise(cost, planes, (2 * radius + 1) ** 2 * noise)
     row, column = (np.minimum(np.arange(n), np.arange(n)[::-1]) for n in left.shape)
     margin = radius + np.interp(matches.disparity, planes, reach)
@@ -56,15 +72,36 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     return matches, geometry.depth(matches.disparity, region=region)
 
 
-def _planes(low: float, high: float) -> Floats:
+def _planes(low: float, high: float, fineness: float) -> Floats:
     """Disparities to compare, from beyond one end of the range to beyond the other."""
     planes = [low - _STEP]
     while planes[-1] < high + _STEP:
-        planes.append(planes[-1] + max(_STEP, _GROWTH * abs(planes[-1])))
+        planes.append(planes[-1] + fineness * max(_STEP, _GROWTH * abs(planes[-1])))
     return np.array(planes)
 
 
-def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats, Floats]:
+def _tiles(
+    geometry: PairGeometry, region: tuple[int, int, int, int]
+) -> Iterator[tuple[tuple[int, int], slice, slice, Floats]]:
+    """Nodes of the geometry, rows and columns of a region in which their blur counts, and their weights there.
+
+    Weights (rows, columns) are those of linear interpolation between nodes at least _TILE pixels apart. In place of a
+    node where a half is dark its nearest neighbour counts.
+    """
+    lit = [node for node in np.ndindex(geometry.pupils.shape[:2]) if np.isfinite(geometry.blur(0.0, node=node)).all()]
+    axes, intervals = [], geometry.pupils.shape[0] - 1
+    for ends, side in zip((region[:2], region[2:]), geometry.camera.sensor.shape, strict=True):
+        step = next((step for step in (1, 2, 3, 4) if step * side >= _TILE * intervals), 6)
+        at = (np.arange(*ends) + 0.5) / side * intervals
+        axes.append([(k, np.maximum(1.0 - np.abs(at - k) / step, 0.0)) for k in range(0, intervals + 1, step)])
+    for (row, by_row), (column, by_column) in itertools.product(*axes):
+        if by_row.any() and by_column.any():
+            rows, columns = (slice(*(hat.nonzero()[0][[0, -1]] + [0, 1])) for hat in (by_row, by_column))
+            node = min(lit, key=lambda node, at=(row, column): math.dist(node, at))
+            yield node, rows, columns, np.outer(by_row[rows], by_column[columns])
+
+
+def _costs(pair: Floats, planes: Floats, geometry: PairGeometry, node: tuple[int, int]) -> tuple[Floats, Floats]:
     """Squared differences (planes, H, W) of the images of a pair (2, H, W), each blurred as the other is.
 
     They are divided by their expected value for white noise of variance 1, so that noise prefers no disparity. Also
@@ -77,8 +114,8 @@ def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats
     band = np.hypot(np.fft.fftfreq(shape[0])[:, None], columns) <= _BAND
     fraction = np.where(columns > 0, 2.0, 1.0) / (shape[0] * shape[1])  # of a frequency and its negative
     previous = 3 * (np.zeros(band.shape),)
-    for k, disparity in enumerate(planes):
-        by_left, by_right = np.fft.rfft2(_point_images(geometry, disparity, shape))
+    for k, (disparity, images) in enumerate(zip(planes, _point_images(geometry, planes, node, shape), strict=True)):
+        by_left, by_right = np.fft.rfft2(images)
         power = np.abs(by_left) ** 2 + np.abs(by_right) ** 2
         gain = band / np.sqrt(power + _DAMPING**2)
         noise[0, k] = np.sum(power * gain**2 * fraction)
@@ -89,34 +126,41 @@ def _costs(pair: Floats, planes: Floats, geometry: PairGeometry) -> tuple[Floats
     return costs, noise
 
 
-def _point_images(geometry: PairGeometry, disparity: float, shape: tuple[int, int]) -> Floats:
-    """Images (2, H, W) of a point at the first pixel, continued periodically, after crosstalk; sums are 1."""
-    pixels, offsets = wells_of(geometry.camera.sensor), geometry.blur(disparity)
-    halves = np.stack([_blur(offsets, weights, shape) for weights in geometry.pupil.weights])
-    # Upper and lower wells of quads are taken to see the same.
-    wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
-    images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0)
+def _point_images(
+    geometry: PairGeometry, planes: Floats, node: tuple[int, int], shape: tuple[int, int]
+) -> Iterator[Floats]:
+    """Images (2, H, W) of a point at the first pixel, by disparities; continued periodically, after crosstalk.
+
+    Their sums are 1.
+    """
+    sensor = geometry.camera.sensor
+    pixels = wells_of(sensor)
     # The division by vignetting weighs the pixels that a point reaches unevenly.
-    row, column = (n // 2 for n in geometry.camera.sensor.shape)
+    row, column = (
+        min(max(round(at * n / (nodes - 1)), 1), n - 1)
+        for at, nodes, n in zip(node, geometry.pupils.shape, sensor.shape, strict=False)
+    )
     before, behind = geometry.asymmetry(region=(row, row + 1, column - 1, column + 1))[0]
     slopes = (behind - before) / np.array([2.0 + before + behind, before + behind - 2.0]) * 2.0
-    images *= 1.0 - slopes[:, None, None] * np.fft.fftfreq(shape[1], 1.0 / shape[1])
-    return np.asarray(images / images.sum(axis=(1, 2), keepdims=True))
+    vignetting = 1.0 - slopes[:, None, None] * np.fft.fftfreq(shape[1], 1.0 / shape[1])
+    for offsets in geometry.blur(planes, node=node):
+        halves = _blur(offsets, geometry.pupils[node][:, 4:].T, shape)
+        # Upper and lower wells of quads are taken to see the same.
+        wells = np.broadcast_to(halves[None, ..., None], (pixels.split[0], *halves.shape, 1))
+        images = after_crosstalk(wells, pixels.crosstalk, "wrap").reshape(wells.shape[:-1]).sum(axis=0) * vignetting
+        yield images / images.sum(axis=(1, 2), keepdims=True)
 
 
-def _blur(offsets: Floats, weights: Floats, shape: tuple[int, ...]) -> Floats:
-    """Image of a point at the first pixel through one half: the sum of its rays."""
-    place = offsets[:, ::-1]
-    corner = np.floor(place).astype(np.int64)
-    part = place - corner
-    image = np.zeros(shape[0] * shape[1])
-    for down in range(-1, 3):
-        row = (corner[:, 0] + down) % shape[0] * shape[1]
-        by_row = weights * _cubic(np.abs(part[:, 0] - down))
-        for right in range(-1, 3):
-            column = (corner[:, 1] + right) % shape[1]
-            image += np.bincount(row + column, by_row * _cubic(np.abs(part[:, 1] - right)), minlength=image.size)
-    return image.reshape(shape)
+def _blur(offsets: Floats, weights: Floats, shape: tuple[int, int]) -> Floats:
+    """Images (2, H, W) of a point at the first pixel through both halves: the sums of their rays."""
+    corner = np.floor(offsets).astype(np.int64)
+    steps = np.arange(-1, 3)
+    by_column, by_row = _cubic(np.abs((offsets - corner)[..., None] - steps)).swapaxes(0, 1)
+    columns, rows = (corner[..., None] + steps).swapaxes(0, 1)
+    pixels = (rows % shape[0] * shape[1])[:, :, None] + (columns % shape[1])[:, None, :]
+    parts = by_row[:, :, None] * by_column[:, None, :]
+    values, size = (weights[:, :, None, None] * parts).reshape(2, -1), shape[0] * shape[1]
+    return np.stack([np.bincount(pixels.ravel(), half, minlength=size) for half in values]).reshape(2, *shape)
 
 
 def _cubic(distance: Floats) -> Floats:
