@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -46,7 +47,7 @@ def match_pair(images: WellImages, disparities: tuple[float, float], radius: int
     lit = np.abs(vignetting) < 1.0
     vignetting = np.where(lit, vignetting, 0.0)
     left, right = images.left.mean(axis=-1) / (1.0 + vignetting), images.right.mean(axis=-1) / (1.0 - vignetting)
-    widening = np.std((geometry.blur(1.0) - geometry.blur(0.0))[:, 0])
+    widening = float(np.std((geometry.blur(1.0) - geometry.blur(0.0))[:, 0]))
     planes = _planes(*disparities, min(1.0, _WIDENING / widening))
     tiles = list(_tiles(geometry, region))
     reach = np.max([np.abs(geometry.blur(planes, node=node)).max(axis=(1, 2)) for node, *_ in tiles], axis=0)
@@ -97,7 +98,7 @@ def _tiles(
     for (row, by_row), (column, by_column) in itertools.product(*axes):
         if by_row.any() and by_column.any():
             rows, columns = (slice(*(hat.nonzero()[0][[0, -1]] + [0, 1])) for hat in (by_row, by_column))
-            node = min(lit, key=lambda node, at=(row, column): math.dist(node, at))
+            node = min(lit, key=functools.partial(math.dist, (row, column)))
             yield node, rows, columns, np.outer(by_row[rows], by_column[columns])
 
 
@@ -160,7 +161,8 @@ def _blur(offsets: Floats, weights: Floats, shape: tuple[int, int]) -> Floats:
     pixels = (rows % shape[0] * shape[1])[:, :, None] + (columns % shape[1])[:, None, :]
     parts = by_row[:, :, None] * by_column[:, None, :]
     values, size = (weights[:, :, None, None] * parts).reshape(2, -1), shape[0] * shape[1]
-    return np.stack([np.bincount(pixels.ravel(), half, minlength=size) for half in values]).reshape(2, *shape)
+    halves = [np.bincount(pixels.ravel(), half, minlength=size) for half in values]
+    return np.array(halves, dtype=np.float64).reshape(2, *shape)
 
 
 def _cubic(distance: Floats) -> Floats:
