@@ -161,12 +161,13 @@ def render(  # noqa: PLR0913
     options = RenderOptions(
         region, seed, threads, tile_side, progress, conditioning, checkpoint, checkpoint_interval, client
     )
-    shot = run(subject, budget, options)
     if ghosts is None:
-        return shot
-    from plenoptic.rendering.ghosts.ghosts_exposure import add_ghosts  # few images have ghosts
+        return run(subject, budget, options)
+    from plenoptic.camera.ghosts.ghost_camera import ghost_lens  # few images have ghosts
+    from plenoptic.rendering.ghosts.ghosts_exposure import add_ghosts
 
-    return add_ghosts(shot, subject, options)
+    ghost_lens(camera, ghosts)  # raises errors before the image is rendered
+    return add_ghosts(run(subject, budget, options), subject, options)
 
 
 def render_white(  # noqa: PLR0913

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -98,7 +97,7 @@ def _tiles(
     for (row, by_row), (column, by_column) in itertools.product(*axes):
         if by_row.any() and by_column.any():
             rows, columns = (slice(*(hat.nonzero()[0][[0, -1]] + [0, 1])) for hat in (by_row, by_column))
-            node = min(lit, key=functools.partial(math.dist, (row, column)))
+            _, node = min((math.dist(node, (row, column)), node) for node in lit)
             yield node, rows, columns, np.outer(by_row[rows], by_column[columns])
 
 
@@ -161,8 +160,7 @@ def _blur(offsets: Floats, weights: Floats, shape: tuple[int, int]) -> Floats:
     pixels = (rows % shape[0] * shape[1])[:, :, None] + (columns % shape[1])[:, None, :]
     parts = by_row[:, :, None] * by_column[:, None, :]
     values, size = (weights[:, :, None, None] * parts).reshape(2, -1), shape[0] * shape[1]
-    halves = [np.bincount(pixels.ravel(), half, minlength=size) for half in values]
-    return np.array(halves, dtype=np.float64).reshape(2, *shape)
+    return np.array([np.bincount(pixels.ravel(), half, size) for half in values], dtype=float).reshape(2, *shape)
 
 
 def _cubic(distance: Floats) -> Floats:
