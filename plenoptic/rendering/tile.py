@@ -27,6 +27,8 @@ BUNDLE = 1 << 14
 """Paths that are traced together. Half as many take 2 % longer for white images and the still life, and 8 % longer for
 `objects`, whose paths end one by one. Twice as many take as long, and twice the memory.
 """
+_GHOST_BUNDLE = 4 * BUNDLE
+"""Paths of ghosts that are traced together: each pair of surfaces fills blocks of its own, the last one in part."""
 
 
 class Tile(NamedTuple):
@@ -131,20 +133,20 @@ def _trace_passes(
     passes: list[SamplingPass],
 ) -> bool:
     """Trace the paths of passes from the sensor into the scene and add their light; return False if stopped."""
-    integrator = None
+    integrator, most = None, BUNDLE if context.camera.ghosts is None else _GHOST_BUNDLE
     if context.scene is not None:
         from plenoptic.rendering.integrator.path import PathIntegrator
 
-        integrator = PathIntegrator(context, min(BUNDLE, max(of_pass.paths for of_pass in passes)))
+        integrator = PathIntegrator(context, min(most, max(of_pass.paths for of_pass in passes)))
     for of_pass in passes:
         illuminated, batch = of_pass.illuminated, of_pass.batch
-        rays = CameraRays(context.camera, illuminated, batch, min(BUNDLE, of_pass.paths))
+        rays = CameraRays(context.camera, illuminated, batch, min(most, of_pass.paths))
         hits_before = 0 if integrator is None else integrator.scene_hits
         # A tile without pixels has one empty bundle, which compiles the kernels.
-        for start in range(0, of_pass.paths, BUNDLE) if tile.pixels else (0,):
+        for start in range(0, of_pass.paths, most) if tile.pixels else (0,):
             if stopped is not None and stopped():
                 return False
-            n = min(BUNDLE, of_pass.paths - start)
+            n = min(most, of_pass.paths - start)
             bundle = rays.sample(start, n)
             rays.fill_through_array(bundle)
             rays.fill_through_lens(bundle)
