@@ -30,7 +30,8 @@ class ArrayReflection(NamedTuple):
     parts: Assembly
     mirror: SensorPlane | None
     """Behind the rear principal plane; None: the curved sides of the lenses."""
-    reflectance: float
+    reflectances: tuple[float, ...]
+    """As `arrays`."""
 
 
 class Detour(NamedTuple):
@@ -55,7 +56,8 @@ def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
     """Trace rays of one band behind the lens to the mirror and back to the plane of the array, in place."""
     reflection, fields = detour.reflection, blocks.reshape(-1, RAY // BLOCK, BLOCK)
     direction, parts, refraction = detour.lens.direction, reflection.parts, reflection.microlenses.model.refraction
-    array = reflection.arrays[min(band, len(reflection.arrays) - 1)]
+    place = min(band, len(reflection.arrays) - 1)
+    array, reflectance = reflection.arrays[place], reflection.reflectances[place]
     _, _, z, l, m, n, weight, status = (fields[:, row] for row in range(RAY // BLOCK))
     # Out of the mirror image of the lens, or into it.
     z[:] = parts.z_plane + direction * (z - detour.z)
@@ -91,7 +93,7 @@ def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
     z *= -direction
     z += detour.z
     n *= -direction
-    weight *= np.where(status == 0.0, reflection.reflectance, 0.0)
+    weight *= np.where(status == 0.0, reflectance, 0.0)
 
 
 def _reflect(fields: Floats, mirror: SensorPlane) -> None:

@@ -32,7 +32,7 @@ from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
 from plenoptic.optics.microlens.dust import BlemishSite
 from plenoptic.optics.microlens.plano_convex import PlateRecord
-from plenoptic.optics.microlens.plate_losses import axial_transmission
+from plenoptic.optics.microlens.plate_losses import transmission_to_rear
 from plenoptic.optics.stops.circle import CircularStop
 from plenoptic.optics.surfaces.surface import Surface
 
@@ -114,8 +114,8 @@ def _part(record: LensRecord, begin: int, end: int) -> LensRecord:
 def array_reflections(camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tuple[float, ...]) -> list[ArrayReflection]:
     """Mirrors behind the microlenses of a camera: its sensor, and faces of plates.
 
-    Light loses at the sides of coated microlenses on its way to the sensor and back; on the way to the rear face and
-    back, as much as light along the axis.
+    Coated microlenses take light on its way to the sensor and back; on the way to the rear face and back, as much as
+    along the axis: twice that of the front side and of the glass.
     """
     microlenses = camera.microlenses
     assert microlenses is not None
@@ -129,12 +129,12 @@ def array_reflections(camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tupl
     found = []
     if ghosts.sensor is not None:
         sensor = records[0].sensor._replace(axes=None)
-        found.append(ArrayReflection(microlenses, arrays, parts, sensor, ghosts.sensor))
+        found.append(ArrayReflection(microlenses, arrays, parts, sensor, (ghosts.sensor,) * len(arrays)))
     if ghosts.array is not None:
         lossless = tuple(array._replace(model=_without_losses(array.model)) for array in arrays)
-        through = axial_transmission(microlenses, camera.wavelength, camera.lens.rear_medium)
-        for number, face in enumerate(faces, start=1):
-            light = ghosts.array if through is None or number < len(faces) else ghosts.array * through
+        front = (ghosts.array,) * len(arrays)
+        rear = tuple(ghosts.array * transmission_to_rear(microlenses, each, camera.lens.rear_medium) ** 2 for each in nm)
+        for face, light in zip(faces, (front, rear)[-len(faces) :], strict=True):
             found.append(ArrayReflection(microlenses, lossless, parts, face, light))
     return found
 

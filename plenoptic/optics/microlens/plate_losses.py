@@ -39,6 +39,17 @@ def axial_transmission(array: MicrolensArray, wavelength: float, outside: Medium
     """Fraction of the light along the axis that both sides and the glass of microlenses transmit; None uncoated."""
     if array.coating is None:
         return None
+    return transmission_to_rear(array, wavelength, outside) * _side_transmittance(array, wavelength, outside)
+
+
+def transmission_to_rear(array: MicrolensArray, wavelength: float, outside: Medium = AIR) -> float:
+    """Fraction of the light along the axis that arrives at the rear side of microlenses; 1 uncoated."""
+    if array.coating is None:
+        return 1.0
+    glass = math.exp(-attenuation(array.medium, wavelength) * array.thickness)
+    return _side_transmittance(array, wavelength, outside) * glass
+
+
+def _side_transmittance(array: MicrolensArray, wavelength: float, outside: Medium) -> float:
     ratio, around = array.index_at(wavelength), float(outside.index(wavelength))
-    side = ordered_powers(array.coating, around, around * ratio, 1.0, wavelength, True)
-    return float(side.transmittance) ** 2 * math.exp(-attenuation(array.medium, wavelength) * array.thickness)
+    return float(ordered_powers(array.coating, around, around * ratio, 1.0, wavelength, True).transmittance)

@@ -246,3 +246,8 @@ def test_coated_microlenses_take_light_on_both_ways():
         camera = camera_of(model, convex, coating=pl.optics.Coating())
         _, _, weights = reflected(camera, mirror, p, d, -1.0)
         np.testing.assert_allclose(weights, 0.5 * side**sides, rtol=1e-6)
+        # The glass takes light on both ways, too.
+        medium = pl.optics.AbsorbingGlass(pl.ConstantMedium(INDEX), [400.0, 700.0], [0.7, 0.7], thickness=THICKNESS)
+        array = dataclasses.replace(camera.microlenses, medium=medium)
+        _, _, weights = reflected(dataclasses.replace(camera, microlenses=array), mirror, p, d, -1.0)
+        np.testing.assert_allclose(weights, 0.5 * side**sides * 0.7 ** (2 if sides else 0), rtol=1e-6)
