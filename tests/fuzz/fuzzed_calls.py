@@ -26,7 +26,7 @@ from plenoptic.errors import PlenopticError
 
 HANGS = 120.0
 """s, after which the process ends with a traceback: nothing else can stop a kernel."""
-LONGEST, MOST_BYTES = 5.0, 10**9
+LONGEST, MOST_BYTES = 20.0, 10**9
 """Of one call: s of CPU, unless something was compiled, and more memory than ever before."""
 
 NUMBERS = (0, -0.0, 5e-324, 1e-300, -1e-300, 1e-30, 1e-15, 1e-5, 1e5, 1e15, 1e28, 1e38, 3.5e38, 1e300, -1e300)
