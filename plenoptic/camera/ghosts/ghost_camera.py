@@ -133,8 +133,10 @@ def array_reflections(camera: PlenopticCamera, ghosts: Ghosts, wavelengths: tupl
     if ghosts.array is not None:
         lossless = tuple(array._replace(model=_without_losses(array.model)) for array in arrays)
         front = (ghosts.array,) * len(arrays)
-        rear = tuple(ghosts.array * transmission_to_rear(microlenses, each, camera.lens.rear_medium) ** 2 for each in nm)
-        for face, light in zip(faces, (front, rear)[-len(faces) :], strict=True):
+        rear = tuple(
+            ghosts.array * transmission_to_rear(microlenses, each, camera.lens.rear_medium) ** 2 for each in nm
+        )
+        for face, light in zip(faces, (front, rear)[2 - len(faces) :], strict=True):
             found.append(ArrayReflection(microlenses, lossless, parts, face, light))
     return found
 
