@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 
-from plenoptic.core.values import check_kind, checked_field, choice, positive, value, whole
+from plenoptic.core.values import checked_field, choice, positive, value, whole
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts as Ghosts
+from plenoptic.optics.lens.ghosts.ghost_settings import checked_ghosts
 
 
 class Sampler(enum.IntEnum):
@@ -34,11 +35,6 @@ class Caustics(enum.IntEnum):
     EXCLUDE = 1
 
 
-def _checked_ghosts(ghosts: Ghosts, name: str) -> Ghosts:
-    check_kind(ghosts, name, Ghosts, "pl.rendering.Ghosts()")
-    return ghosts
-
-
 @value
 class RenderSettings:
     """Settings of `render` other than scene, camera, samples and seed.
@@ -59,4 +55,4 @@ class RenderSettings:
     caustics: Caustics = checked_field(choice, default=Caustics.INCLUDE, kind=Caustics)
     clamp: float | None = checked_field(positive, default=None)
     sampler: Sampler = checked_field(choice, default=Sampler.SOBOL, kind=Sampler)
-    ghosts: Ghosts | None = checked_field(_checked_ghosts, default=None)
+    ghosts: Ghosts | None = checked_field(checked_ghosts, default=None)

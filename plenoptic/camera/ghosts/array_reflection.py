@@ -48,11 +48,11 @@ def fill_detour(blocks: Floats, detour: Detour, bands: NDArray[np.int64] | None,
 
     `bands` are columns of the record of the lens, or None; the array is that of the number `band`.
     """
-    fill_reflected(blocks, detour, band)
+    fill_reflection(blocks, detour, band)
     fill_through_lens(blocks, detour.lens, bands)
 
 
-def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
+def fill_reflection(blocks: Floats, detour: Detour, band: int) -> None:
     """Trace rays of one band behind the lens to the mirror and back to the plane of the array, in place."""
     reflection, fields = detour.reflection, blocks.reshape(-1, RAY // BLOCK, BLOCK)
     direction, parts, refraction = detour.lens.direction, reflection.parts, reflection.microlenses.model.refraction
@@ -76,7 +76,7 @@ def fill_reflected(blocks: Floats, detour: Detour, band: int) -> None:
         _reflect(fields, reflection.mirror)
         cosine *= n
         # Seen from behind, in the mirror image of the plane of the array, it is an array of the mirrored model.
-        behind = array._replace(model=refraction.mirrored(array.model), walls=None)
+        behind = array._replace(model=refraction.mirror_image(array.model), walls=None)
         refraction.to_sensor(blocks, ArrayCrossing(behind, SensorPlane(0.0, None), 0.0), differs_forward(array))
         if array.walls is not None:
             status[(status == 0.0) & ((z != first) | (n != second))] = OUTSIDE_MICROLENS

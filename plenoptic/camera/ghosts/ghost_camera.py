@@ -249,7 +249,6 @@ def _record(ghosts: GhostLens, paths: list[GhostPath], wavelength: float | Float
         guide=np.zeros(1, dtype=np.int64),
         elements=max(len(path.stack.elements) for path in paths),
         bands=None,
-        arrays=max((len(each.reflection.arrays) for each in detours if each is not None), default=1),
         aims=None,
     )
 

@@ -50,10 +50,13 @@ class GhostRecord(NamedTuple):
     """Elements of the longest stack."""
     bands: NDArray[np.int64] | None
     """(W,): column of the records for each wavelength that paths draw; None if all have the camera's."""
-    arrays: int
-    """Number of bands if the microlenses of detours differ between them, otherwise 1."""
     aims: GhostAims | None
     """None: paths are traced wherever they pass the opening, and draws are pairs."""
+
+    @property
+    def arrays(self) -> int:
+        """Number of bands if the microlenses of detours differ between them, otherwise 1."""
+        return max((len(each.reflection.arrays) for each in self.detours if each is not None), default=1)
 
 
 WIDE = 0.2
@@ -64,11 +67,11 @@ def fill_ghost_rays(
     bundle: Floats, ghosts: GhostRecord, draws: NDArray[np.int64], waves: NDArray[np.int64] | None
 ) -> None:
     """Trace the rays of a bundle at the opening along their pairs, in place; weights get the inverse probability."""
-    from plenoptic.camera.sampling.kernels.ghost_paths import fill_aims, fill_back, fill_collected
+    from plenoptic.camera.sampling.kernels.ghost_paths import fill_aims, fill_back, fill_part
 
     pairs, trace, collect, give_back = (
         draws,
-        *(each.specialize() for each in (fill_through_lens, fill_collected, fill_back)),
+        *(each.specialize() for each in (fill_through_lens, fill_part, fill_back)),
     )
     if ghosts.aims is not None:
         fill_aims(bundle, draws, ghosts.aims, WIDE)

@@ -32,12 +32,12 @@ def ghost_records(camera: PlenopticCamera, ghosts: Ghosts) -> list[ForwardRecord
     for path, (lens, detour) in zip(paths, compiled, strict=True):
         front, rear = (float(path.stack.vertices[k] - vertices[k]) for k in (0, -1))
         if detour is not None:
-            detour = detour._replace(z=detour.z - front, lens=_moved(detour.lens, -front))
-        records.append(record._replace(lens=_moved(lens, -front), unfolded=rear - front, detour=detour))
+            detour = detour._replace(z=detour.z - front, lens=_shift(detour.lens, -front))
+        records.append(record._replace(lens=_shift(lens, -front), unfolded=rear - front, detour=detour))
     return records
 
 
-def _moved(lens: LensRecord, along: float) -> LensRecord:
+def _shift(lens: LensRecord, along: float) -> LensRecord:
     rows = lens.rows.copy()
     rows["z"] += along
     return lens._replace(rows=rows)

@@ -103,6 +103,10 @@ def point_spread(
     replicates = whole(replicates, "replicates", at_least=1, at_most=_MAX_REPLICATES)
     rays_per_replicate = -(-whole(rays, "rays", at_least=1) // replicates)
     scrambling, workers = np.uint64(seed_number(seed)), thread_count(threads)
+    if ghosts is not None:
+        from plenoptic.optics.lens.ghosts.ghost_settings import checked_ghosts
+
+        checked_ghosts(ghosts, "ghosts")
     with CallProgress("tracing points", kind="camera", show=progress):
         record = diffraction_record(camera)
         tasks = ray_tasks(record, in_lens_axes(record, world), replicates, rays_per_replicate)

@@ -78,7 +78,7 @@ class IdealMicrolenses(NamedTuple):
         array, sensor, z_plane = crossing
         fill_thin_forward(blocks, z_plane, sensor, array, array if differs else None)
 
-    def mirrored(self, model: tuple[Any, ...] | None) -> tuple[Any, ...] | None:
+    def mirror_image(self, model: tuple[Any, ...] | None) -> tuple[Any, ...] | None:
         """Record of the mirror image of the model in a plane perpendicular to the axis."""
         return model
 

@@ -151,7 +151,7 @@ class PlanoConvexMicrolenses(NamedTuple):
             z_front -= inside
         fill_plano_convex_forward(blocks, z_front, sensor, plate, array, array if differs else None)
 
-    def mirrored(self, model: tuple[Any, ...] | None) -> PlateRecord:
+    def mirror_image(self, model: tuple[Any, ...] | None) -> PlateRecord:
         """Plates whose curved side faces the other way."""
         assert isinstance(model, PlateRecord)
         return model._replace(towards_scene=not model.towards_scene)

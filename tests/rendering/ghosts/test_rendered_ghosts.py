@@ -335,5 +335,7 @@ def test_bad_input_is_answered_by_a_sentence():
     with pytest.raises(error, match="pinholes a second time"):
         camera = dataclasses.replace(plenoptic, microlenses=pinholes)
         pl.render(WHITE, camera, ghosts=pl.rendering.Ghosts(sensor=0.2), **options)
+    with pytest.raises(error, match=r"ghosts is a float; give a Ghosts, such as pl\.rendering\.Ghosts\(\)"):
+        pl.point_spread(camera_of(TRIPLET), (0.0, 0.0, -DISTANCE), ghosts=0.3)
     with pytest.raises(error, match="no microlenses: leave it out"):
         pl.render(WHITE, camera_of(TRIPLET), ghosts=pl.rendering.Ghosts(array=0.2), **options)

@@ -44,7 +44,7 @@ def fill_aims(bundle, draws, aims, wide):
 
 
 @kernel
-def fill_collected(part, bundle, rays):
+def fill_part(part, bundle, rays):
     """Copy rays of a bundle to the blocks of another one, whose other rays repeat the first."""
     for k in range(part.size // RAY * BLOCK):
         ray = rays[k if k < rays.size else 0]
@@ -55,7 +55,7 @@ def fill_collected(part, bundle, rays):
 
 @kernel
 def fill_back(bundle, part, rays):
-    """Copy rays of `fill_collected` to their places."""
+    """Copy rays of `fill_part` to their places."""
     for k in range(rays.size):
         source, target = k // BLOCK * RAY + k % BLOCK, rays[k] // BLOCK * RAY + rays[k] % BLOCK
         for row in range(RAY // BLOCK):

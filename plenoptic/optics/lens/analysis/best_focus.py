@@ -189,10 +189,11 @@ def _beam(
             f"no ray from the field {field_text(point, z)} reaches the iris of {lens.name or 'the lens'}: the field is "
             f"too far from the axis; give a smaller one, {unit}"
         )
-    if len(light.points) < 2:
+    passing = int(np.count_nonzero(light.weight))
+    if passing < 2:
         raise InvalidValueError(
-            f"{len(light.points)} of {light.emitted} rays from the field {field_text(point, z)} pass the lens; rims "
-            "and stops clip the others, so give a smaller field, or more rays"
+            f"{passing} of {light.emitted} rays from the field {field_text(point, z)} pass the lens; rims and stops clip "
+            "the others, or coatings reflect all of their light: give a smaller field, or more rays"
         )
     total = light.weight.sum()
     heights = light.points - light.weight @ light.points / total

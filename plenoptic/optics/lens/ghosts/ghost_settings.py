@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from plenoptic.core.values import checked_field, value, whole
+from plenoptic.core.values import check_kind, checked_field, value, whole
 from plenoptic.optics.coatings.surface_powers import checked_reflectance
 
 
@@ -48,3 +48,9 @@ class Ghosts:
     sensor: float | None = checked_field(checked_reflectance, default=None)
     array: float | None = checked_field(checked_reflectance, default=None)
     samples: int | None = checked_field(whole, default=None, at_least=1)
+
+
+def checked_ghosts(ghosts: Ghosts, name: str) -> Ghosts:
+    """Check that an argument is of the kind; InvalidValueError otherwise."""
+    check_kind(ghosts, name, Ghosts, "pl.rendering.Ghosts()")
+    return ghosts

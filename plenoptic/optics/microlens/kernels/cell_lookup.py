@@ -98,13 +98,18 @@ def find_lens(x, y, array):
 
 @device
 def intersect_sphere(x, y, l, m, n, c):
-    """Intersection of a ray from (x, y, 0) with a sphere of curvature c and vertex at the origin; see `trace`."""
+    """Intersection of a ray from (x, y, 0) with a sphere of curvature c and vertex at the origin; see `trace`.
+
+    Its x, y and z, the distance along the ray, and the squared cosine to the normal, negative where the ray misses.
+    """
     e = -(x * l + y * m)
-    px, py, pz = x + e * l, y + e * m, e * n
-    f = c * (px * px + py * py + pz * pz) - 2.0 * pz
-    g = n - c * (px * l + py * m + pz * n)
-    t = f / (g + math.sqrt(max(g * g - c * f, 0.0)))
-    return px + t * l, py + t * m
+    x, y, z = x + e * l, y + e * m, e * n
+    f = c * (x * x + y * y + z * z) - 2.0 * z
+    g = n - c * (x * l + y * m + z * n)
+    q2 = g * g - c * f
+    q = math.sqrt(max(q2, 0.0))
+    t = f / (g + q) if g >= 0.0 else (g - q) / c
+    return x + t * l, y + t * m, z + t * n, e + t, q2
 
 
 @device
@@ -124,7 +129,7 @@ def find_cells(ray, lens_rows, c, lattice):
             a, b, cx, cy = nearest_cell(x, y, basis, inverse)
             if c != 0.0:
                 for _ in range(_MAX_STEPS):
-                    hit_x, hit_y = intersect_sphere(x - cx, y - cy, l, m, n, c)
+                    hit_x, hit_y, _, _, _ = intersect_sphere(x - cx, y - cy, l, m, n, c)
                     next_a, next_b, next_x, next_y = nearest_cell(cx + hit_x, cy + hit_y, basis, inverse)
                     if next_a == a and next_b == b:
                         break
@@ -190,7 +195,7 @@ def find_lenses(ray, lens_rows, bow, towards_scene, array):
             if bow != 0.0:
                 converged = False
                 for _ in range(_MAX_STEPS):
-                    hit_x, hit_y = intersect_sphere(x - ax, y - ay, l, m, n, bow * power)
+                    hit_x, hit_y, _, _, _ = intersect_sphere(x - ax, y - ay, l, m, n, bow * power)
                     hit_x, hit_y = hit_x + ax, hit_y + ay
                     next_a, next_b, next_row, next_x, next_y, next_power = find_lens(hit_x, hit_y, array)
                     if next_a == a and next_b == b:

@@ -9,7 +9,15 @@ import numpy as np
 from plenoptic.core.kernels.ray_blocks import BLOCK, MISSED, RAY, STATUS, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.spherical_refraction import UNLIMITED, refract_sphere
-from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.cell_lookup import (
+    AXIS_X,
+    AXIS_Y,
+    LENS_ROWS,
+    POWER,
+    find_cells,
+    find_lenses,
+    intersect_sphere,
+)
 from plenoptic.optics.microlens.kernels.to_sensor import reach_sensor, to_plane
 
 
@@ -23,15 +31,8 @@ def _reflect(ray, lens_rows, bow, power):
         c = bow * (lens_rows[POWER + i] if power is None else power)
         x, y = ray[X + i] - lens_rows[AXIS_X + i], ray[Y + i] - lens_rows[AXIS_Y + i]
         l, m, n = ray[L + i], ray[M + i], ray[N + i]
-        # As in `cell_lookup.intersect_sphere`, with the height of the point.
-        e = -(x * l + y * m)
-        x, y, z = x + e * l, y + e * m, e * n
-        f = c * (x * x + y * y + z * z) - 2.0 * z
-        g = n - c * (x * l + y * m + z * n)
-        q2 = g * g - c * f
+        x, y, z, _, q2 = intersect_sphere(x, y, l, m, n, c)
         q = math.sqrt(max(q2, 0.0))
-        t = f / (g + q)
-        x, y, z = x + t * l, y + t * m, z + t * n
         nx, ny, nz = -c * x, -c * y, 1.0 - c * z
         ray[X + i] = x + lens_rows[AXIS_X + i]
         ray[Y + i] = y + lens_rows[AXIS_Y + i]

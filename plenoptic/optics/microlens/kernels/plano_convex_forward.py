@@ -25,7 +25,15 @@ from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.paths import add_path
 from plenoptic.optics.lens.kernels.spherical_refraction import COS2, DISTANCE, UNLIMITED, refract_sphere
 from plenoptic.optics.lens.kernels.trace import give_rays, take_rays
-from plenoptic.optics.microlens.kernels.cell_lookup import AXIS_X, AXIS_Y, LENS_ROWS, POWER, find_cells, find_lenses
+from plenoptic.optics.microlens.kernels.cell_lookup import (
+    AXIS_X,
+    AXIS_Y,
+    LENS_ROWS,
+    POWER,
+    find_cells,
+    find_lenses,
+    intersect_sphere,
+)
 from plenoptic.optics.microlens.kernels.path_length import add_height, start_path, store_lenses
 from plenoptic.optics.microlens.kernels.plano_convex import refract_flat_block
 from plenoptic.optics.microlens.kernels.plate_losses import (
@@ -90,21 +98,14 @@ def _refract_each(ray, lens_rows, bow, mu, flat, losses):
             q = nx * l + ny * m + nz * n
             hit = up >= 0.0 and q > 0.0
         else:
-            # As in `sphere.refract_sphere`.
-            e = -(x * l + y * m)
-            x, y, z = x + e * l, y + e * m, e * n
-            f = c * (x * x + y * y + z * z) - 2.0 * z
-            g = n - c * (x * l + y * m + z * n)
-            q2 = g * g - c * f
+            x, y, z, distance, q2 = intersect_sphere(x, y, l, m, n, c)
             q = math.sqrt(max(q2, 0.0))
-            t = f / (g + q) if g >= 0.0 else (g - q) / c
-            x, y, z = x + t * l, y + t * m, z + t * n
             nx, ny, nz = -c * x, -c * y, 1.0 - c * z
             hit = q2 > 0.0 and nz > 0.0
         cos2 = 1.0 - mu * mu * (1.0 - q * q)
         if losses is not None and not flat:
             losses[COS2, i] = min(q * q, cos2)
-            losses[DISTANCE, i] = e + t
+            losses[DISTANCE, i] = distance
         cos_t = math.sqrt(max(cos2, 0.0))
         a = factor / (cos_t + mu * q)
         ray[X + i], ray[Y + i], ray[Z + i] = x, y, z
