@@ -32,7 +32,8 @@ def tables(*, quick):
 
         def seconds(left_out, cache, samples):
             """CPU seconds of first renders, and of a white image and `objects` afterwards."""
-            return in_new_process(RENDER, samples, cache=f"{folder}/{cache}", PLENOPTIC_PLAIN_NUMBA=left_out)
+            cache = None if quick else f"{folder}/{cache}"
+            return in_new_process(RENDER, samples, cache=cache, PLENOPTIC_PLAIN_NUMBA=left_out)
 
         for k in range(compilations):
             for one in variants:

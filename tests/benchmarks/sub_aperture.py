@@ -11,6 +11,8 @@ from plenoptic.optics.microlens.lattice import Lattice
 STOP = 3.5
 PITCH = 0.147
 SQUARE_PITCH = PITCH * 0.75**0.25
+SCENES = (((0.9,), 0.0), ((1.12,), 0.0), ((1.12, 1.0, 0.9), 0.0), ((1.12, 1.0, 0.9), RESOLVED))
+"""Parts of the distance in focus at which planes stand, and the shortest waves of their texture."""
 VIEWS = ((0, 0), (2, 0), (0, -2), (-2, 1))
 RESOLVED = 6.0
 """Pitches of microlenses, as far as the plane in focus, that the shortest waves of the smooth texture are long."""
@@ -20,7 +22,7 @@ def tables(*, quick):
     side, samples, kinds = (300, 16, 1) if quick else (480, 64, None)
     rows = []
     for name, camera in list(cameras(side).items())[:kinds]:
-        for parts, shortest in (((0.9,), 0.0), ((1.12,), 0.0), ((1.12, 1.0, 0.9), 0.0), ((1.12, 1.0, 0.9), RESOLVED)):
+        for parts, shortest in SCENES[:kinds]:
             waves, places = f"{RESOLVED:g} pitches and longer" if shortest else "all", ", ".join(map(str, parts))
             rows.append((name, waves, places, *scored(camera, shortest, samples, parts)))
     remark = (

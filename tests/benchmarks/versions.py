@@ -44,7 +44,9 @@ def tables(*, quick):
             for turn in range(1 + rounds):
                 for version, python in pythons.items():
                     paths = [str(folder), *([str(folder.parents[1])] if python == here else [])]
-                    environment = {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_CACHE_DIR": f"{caches}/{version}"}
+                    environment = {"PYTHONPATH": os.pathsep.join(paths)}
+                    if not quick:
+                        environment["NUMBA_CACHE_DIR"] = f"{caches}/{version}"
                     command = [python, "-P", "-c", RENDER, str(samples)]
                     done = subprocess.run(command, env=os.environ | environment, stdout=subprocess.PIPE, check=True)
                     found[version, "warm" if turn else "cold"].append(json.loads(done.stdout))
