@@ -233,7 +233,7 @@ try:
 except KeyboardInterrupt:
     print("KeyboardInterrupt")
 print(len(compiling.names))
-print(calls[what](2))
+print(calls["project"](2))
 """
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     process = subprocess.run([sys.executable, "-c", code, what], capture_output=True, text=True, env=environment)

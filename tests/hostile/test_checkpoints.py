@@ -81,8 +81,8 @@ def wrong_arrays(arrays):
         yield {**arrays, name: np.where(np.arange(arrays[name].size).reshape(arrays[name].shape), arrays[name], value)}
 
 
-# 13 and the number of wrong values of a fact have no common divisor: the sample has each kind of fault.
-@pytest.mark.parametrize("each", [13, pytest.param(1, marks=pytest.mark.slow)])
+# 13, 7 and the number of wrong values of a fact have no common divisor: the sample has each kind of fault.
+@pytest.mark.parametrize("each", [13, pytest.param(7, marks=pytest.mark.slow)])
 def test_records_that_are_none_are_rendered_again(render, whole, tmp_path, monkeypatch, each):
     shot, header, records = whole
     rendered, original = [], tile_jobs.render_tile

@@ -156,7 +156,7 @@ def test_no_pixel_is_certain_and_errors_are_true_in_the_dark(seeds):
         assert min(coverage) > 0.9 - tolerance and max(coverage) < 0.98 + tolerance, (replicates, coverage)
 
 
-@pytest.mark.parametrize("samples", [512, slow(8192)])
+@pytest.mark.parametrize("samples", [512, slow(2048)])
 def test_light_from_microlenses_around_the_sensor_reaches_the_dark(samples):
     # Pixels in the middle of a larger sensor get all of it. 0.10 to 0.16 were lost when 8 pixels around were followed.
     # `pytest -rP -m slow -k around_the_sensor` prints the loss between micro images, and on their flanks.

@@ -110,10 +110,10 @@ def test_two_workers_may_be_killed(monkeypatch):
     with (
         # A LocalCluster does without a worker that is not back within 15 s, which a busy machine may need.
         dask.config.set({"distributed.deploy.lost-worker-timeout": "600s"}),
-        distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.LocalCluster(n_workers=3, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
     ):
-        client.wait_for_workers(4)
+        client.wait_for_workers(3)
 
         def killing(self, i, result):
             take(self, i, result)
