@@ -5,7 +5,19 @@ import functools
 
 import numpy as np
 import pytest
-from board_shots import DESIGN, PITCH, found, grid_of, projection_minus_corners, raw_of, shot_of, tilted, white_of
+from board_shots import (
+    DESIGN,
+    PITCH,
+    checkerboard,
+    found,
+    grid_of,
+    marked_checkerboard,
+    projection_minus_corners,
+    raw_of,
+    shot_of,
+    tilted,
+    white_of,
+)
 from calibration_helpers import true_values
 
 import plenoptic as pl
@@ -13,7 +25,7 @@ from plenoptic.errors import InvalidValueError
 
 KINDS = {"G1": (123.3, 1.7, (2.0,)), "G3": (123.3, 1.7, (1.6, 1.85, 2.2)), "K1": (156.0, 1.9, (1.7,))}
 """Distances from the iris to the array and from there to the sensor, focal lengths: Galilean and Keplerian."""
-MARKED = pl.targets.marked_checkerboard(12, 9, square=3.0, margin=3.0)
+MARKED = marked_checkerboard(12, 9, square=3.0, margin=3.0)
 
 
 @functools.cache
@@ -49,7 +61,7 @@ def test_corners_are_where_the_camera_projects_them(kind):
     corners = found(camera, board)
     error, truth, met = errors_of(corners, camera, board)
     assert np.unique(corners.point).tolist() == list(range(12)) and len(met) == len(corners) > 80
-    # The renderer's own noise, of 64 paths a pixel, is 0.06 of the contrast at edges.
+    # The renderer's own noise, of 32 paths a pixel, is 0.08 of the contrast at edges.
     assert np.hypot(*error.T).max() < 0.3 and np.sqrt(np.mean(error**2)) < 0.05
     # Images well inside micro images are all found.
     centres = grid_of(camera).centres_of(grid_of(camera).on_sensor)
@@ -60,10 +72,10 @@ def test_corners_are_where_the_camera_projects_them(kind):
 def test_errors_are_those_of_the_noise():
     camera, board = camera_of("G3"), tilted()
     z = []
-    for seed in range(6):
+    for seed in range(3):
         corners = found(camera, board, electrons=150.0, seed=seed)
         z.append(errors_of(corners, camera, board)[0] / corners.standard_error)
-    # Of some 1000 numbers; noise of the renderer at edges is half of that of the sensor.
+    # Of some 800 numbers; noise of the renderer at edges is half of that of the sensor.
     assert 0.85 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.25
 
 
@@ -96,12 +108,12 @@ def test_corners_in_square_arrays_and_behind_colour_filters():
 def test_texture_behind_the_board_and_boards_near_the_array_do_not_make_views():
     """Large dots far away vary between micro images, as does a board whose image lies near the array."""
     camera = camera_of("G1", shape=(400, 500))
-    design = pl.targets.checkerboard(5, 4, square=2.2, margin=1.0)
+    design = checkerboard(5, 4, square=2.2, margin=1.0)
     wall = pl.targets.random_dots(24, 24, dot=4.0, seed=3).translated(z=-600.0)
     board = tilted(design=design)
     corners = found(camera, board, wall, design=design)
     assert not corners.in_views and np.hypot(*errors_of(corners, camera, board)[0].T).max() < 0.3
-    camera, design = camera_of("G1"), pl.targets.checkerboard(5, 4, square=3.2, margin=3.2)
+    camera, design = camera_of("G1"), checkerboard(5, 4, square=3.2, margin=3.2)
     boards = [tilted(angle=20.0, z=z, design=design) for z in (-480.0, -460.0, -532.0)]
     raws = [raw_of(shot_of(camera, each), camera) for each in boards]
     with pytest.raises(InvalidValueError, match="image 2: the image shows no board"):
@@ -128,14 +140,12 @@ def test_blur_is_that_of_the_microlenses():
 
 def test_turned_boards_keep_their_numbers():
     camera = camera_of("G1")
-    for turn in (180.0, 60.0):
-        board = tilted(turn=turn)
-        error, _, _ = errors_of(found(camera, board), camera, board)
-        assert np.hypot(*error.T).max() < 0.3, turn
+    board = tilted(turn=240.0)
+    assert np.hypot(*errors_of(found(camera, board), camera, board)[0].T).max() < 0.3
 
 
 def test_a_board_that_half_a_turn_does_not_change_is_numbered_as_columns_run():
-    camera, design = camera_of("G1"), pl.targets.checkerboard(5, 3, square=3.0, margin=3.0)
+    camera, design = camera_of("G1"), checkerboard(5, 3, square=3.0, margin=3.0)
     board = tilted(turn=40.0, design=design)
     assert np.hypot(*errors_of(found(camera, board, design=design), camera, board)[0].T).max() < 0.3
     turned = tilted(turn=140.0, design=design)
@@ -146,17 +156,17 @@ def test_a_board_that_half_a_turn_does_not_change_is_numbered_as_columns_run():
 
 def test_images_without_the_board_are_refused():
     camera = camera_of("G1")
-    for targets, design, reason in (
-        ([tilted(design=pl.targets.random_dots(40, 40, dot=2.0, seed=2))], DESIGN, "no board"),
-        ([tilted(design=pl.targets.siemens_star(20.0, 36))], DESIGN, "no board"),
-        ([tilted(design=pl.targets.slanted_edge(30.0))], DESIGN, "no board"),
-        ([tilted().translated(x=7.0)], DESIGN, "move the whole board into view"),
-        ([tilted()], pl.targets.checkerboard(7, 6, square=3.0), "move the whole board into view"),
-        ([tilted()], pl.targets.checkerboard(4, 3, square=3.0), "has 2 x 3"),
+    for target, design, reason, electrons in (
+        (tilted(design=pl.targets.random_dots(40, 40, dot=2.0, seed=2)), DESIGN, "no board", (3000.0, 200.0)),
+        (tilted(design=pl.targets.siemens_star(20.0, 36)), DESIGN, "no board", (3000.0, 200.0)),
+        (tilted(design=pl.targets.slanted_edge(30.0)), DESIGN, "no board", (200.0,)),
+        (tilted().translated(x=7.0), DESIGN, "move the whole board into view", (3000.0,)),
+        (tilted(), checkerboard(7, 6, square=3.0), "move the whole board into view", (3000.0,)),
+        (tilted(), checkerboard(4, 3, square=3.0), "has 2 x 3", (200.0,)),
     ):
-        for electrons in (3000.0, 200.0):
+        for each in electrons:
             with pytest.raises(InvalidValueError, match=reason):
-                found(camera, *targets, design=design, electrons=electrons)
+                found(camera, target, design=design, electrons=each)
 
 
 def test_a_board_before_texture_is_found_alone():
@@ -167,13 +177,7 @@ def test_a_board_before_texture_is_found_alone():
     assert np.hypot(*error.T).max() < 0.3 and len(met) == len(corners) > 60
 
 
-PARTS = (
-    ("G1", 0.0, (0.0, 0.0)),
-    ("G1", 180.0, (-12.0, 6.0)),
-    ("G3", 90.0, (9.0, 5.0)),
-    ("K1", 270.0, (10.0, -13.0)),
-    ("K1", 60.0, (-14.0, -9.0)),
-)
+PARTS = (("G1", 180.0, (-12.0, 6.0)), ("G3", 90.0, (9.0, 5.0)), ("K1", 60.0, (-14.0, -9.0)))
 """Turns in degrees and shifts of a marked board, of which the camera sees less than half of 88 corners."""
 
 
@@ -189,32 +193,27 @@ def test_parts_of_a_marked_board_have_its_numbers(kind, turn, shift):
 
 
 def test_marks_tell_half_a_turn():
-    camera, design = camera_of("G1"), pl.targets.marked_checkerboard(5, 5, square=3.0, margin=3.0)
-    for turn in (140.0, 250.0):
-        board = tilted(turn=turn, design=design)
-        assert np.hypot(*errors_of(found(camera, board, design=design), camera, board)[0].T).max() < 0.3
+    camera, design = camera_of("G1"), marked_checkerboard(5, 5, square=3.0, margin=3.0)
+    board = tilted(turn=250.0, design=design)
+    assert np.hypot(*errors_of(found(camera, board, design=design), camera, board)[0].T).max() < 0.3
 
 
-@pytest.mark.parametrize("kind", ["G3", "K1"])
-def test_marks_do_not_disturb_corners(kind):
-    camera = camera_of(kind)
-    plain, marked = (
-        pl.targets.checkerboard(7, 6, square=2.3, margin=3.0),
-        pl.targets.marked_checkerboard(7, 6, square=2.3, margin=3.0),
-    )
+def test_marks_do_not_disturb_corners():
+    camera = camera_of("K1")
+    plain, marked = (checkerboard(7, 6, square=2.3, margin=3.0), marked_checkerboard(7, 6, square=2.3, margin=3.0))
     results = []
     for design in (plain, marked):
         board = tilted(design=design)
         error, truth, met = errors_of(found(camera, board, design=design), camera, board)
         results.append((np.sqrt(np.mean(error**2)), share_found(camera, truth, met)))
-    # Some 500 numbers have an RMS with a standard error of 3 %, mostly the same ones for both.
+    # Some 1000 numbers have an RMS with a standard error of 3 %, mostly the same ones for both.
     assert results[1][0] < 1.1 * results[0][0] and results[1][1] > results[0][1] - 0.01
 
 
 def test_marks_that_are_not_those_of_the_board_are_refused():
     camera, board = camera_of("G1"), tilted(design=MARKED)
     for targets, design in (
-        ([tilted(design=pl.targets.checkerboard(12, 9, square=3.0))], MARKED),
+        ([tilted(design=checkerboard(12, 9, square=3.0))], MARKED),
         ([board], dataclasses.replace(MARKED, marks=~MARKED.marks)),
         ([board], dataclasses.replace(MARKED, marks=MARKED.marks[::-1])),
     ):
@@ -287,19 +286,17 @@ def test_observations_of_raw_images_calibrate():
 @pytest.mark.parametrize(
     ("kind", "length", "dark", "electrons", "rate", "error"),
     [
-        ("G1", 2.0, 0.05, 500.0, 0.99, 0.03),
         ("G1", 2.0, 0.05, 50.0, 0.98, 0.11),
         ("G1", 2.0, 0.55, 500.0, 0.98, 0.1),
         ("G1", 2.6, 0.05, 500.0, 0.98, 0.06),
-        ("K1", 1.7, 0.05, 500.0, 0.98, 0.03),
-        ("K1", 1.7, 0.55, 500.0, 0.97, 0.1),
+        ("K1", 1.7, 0.05, 500.0, 0.98, 0.035),
     ],
 )
 def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons, rate, error):
     camera = camera_of(kind, (length,))
-    design = pl.targets.checkerboard(5, 4, square=3.0, margin=3.0, dark=pl.Lambertian(dark))
+    design = checkerboard(5, 4, square=3.0, margin=3.0, dark=pl.Emissive(dark))
     board, grid = tilted(design=design), grid_of(camera)
-    corners = found(camera, board, electrons=electrons, samples=256)
+    corners = found(camera, board, electrons=electrons, samples=128)
     errors, truth, met = errors_of(corners, camera, board)
     centres, radius = grid.centres_of(grid.on_sensor), np.median(grid.radius)
     inner = [k for k, p in enumerate(truth.pixel) if np.hypot(*(centres - p).T).min() < radius - 2.5]
@@ -309,11 +306,10 @@ def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("length", [1.45, 1.55])
-def test_boards_behind_the_focus_of_microlenses_are_seen_in_views(length):
+def test_boards_behind_the_focus_of_microlenses_are_seen_in_views():
     """In focus is a virtual depth below 0, and corners in micro images are blurred by more than the border."""
-    camera, board = camera_of("G1", (length,)), tilted()
-    corners = found(camera, board, electrons=500.0, samples=256)
+    camera, board = camera_of("G1", (1.45,)), tilted()
+    corners = found(camera, board, electrons=500.0, samples=128)
     errors = projection_minus_corners(camera, corners, board.points[corners.point])
     # A pixel between microlenses is a quarter of one in micro images.
     assert corners.in_views and len(corners) > 1200 and np.sqrt(np.mean(errors**2)) < 0.6
@@ -325,9 +321,9 @@ def test_cameras_from_raw_images_are_within_their_errors():
     """Microlenses of three focal lengths, and a Keplerian camera, which sees a bent board; six boards each."""
     z, P = [], pl.calibration.Parameter
     for number, kind in enumerate(("G3", "K1")):
-        camera, rng = camera_of(kind, shape=(420, 560)), np.random.default_rng(number)
-        design = pl.targets.checkerboard(7, 6, square=3.0, margin=9.0, dark=pl.Emissive(0.1), bright=pl.Emissive(1.0))
-        board = bent(design, 0.15) if number else design
+        camera, rng = camera_of(kind, shape=(330, 440)), np.random.default_rng(number)
+        design = checkerboard(6, 5, square=3.0, margin=9.0, dark=pl.Emissive(0.1))
+        board = bent(design, 0.2) if number else design
         boards = [
             tilted((np.cos(a), np.sin(a), 0.0), 25.0, rng.uniform(-440, -370), rng.uniform(-20, 20), board)
             for a in 2.4 * np.arange(6) + rng.uniform(0, 6)

@@ -35,8 +35,8 @@ def test_corners_in_views_are_where_the_camera_projects_them(lattice):
     corners = found(camera, board)
     assert corners.in_views and "in views" in repr(corners)
     error = projection_minus_corners(camera, corners, board.points[corners.point])
-    # The renderer's own noise is 0.1 pixels, a hundredth of a pitch.
-    assert np.hypot(*error.T).max() < 0.7 and np.sqrt(np.mean(error**2)) < 0.17
+    # The renderer's own noise is 0.14 pixels, a seventieth of a pitch.
+    assert np.hypot(*error.T).max() < 1.0 and np.sqrt(np.mean(error**2)) < 0.22
     # All 37 views of unvignetted pixels show all corners, each through another part of the pupil.
     offset = corners.pixel - grid_of(camera).centres_of(corners.index)
     np.testing.assert_allclose(offset, np.rint(offset), rtol=0, atol=1e-6)
@@ -51,7 +51,7 @@ def test_errors_in_views_are_those_of_the_noise():
         corners = found(camera, board, electrons=80.0, seed=seed)
         error = projection_minus_corners(camera, corners, board.points[corners.point])
         z.append(error / corners.standard_error)
-    # Of some 2500 numbers; noise of the renderer at edges is a third of that of the sensor.
+    # Of some 2500 numbers; noise of the renderer at edges is half of that of the sensor.
     assert 0.85 < np.sqrt(np.mean(np.concatenate(z) ** 2)) < 1.25
 
 

@@ -181,19 +181,25 @@ def _poses(problem: Problem, bundles: _Bundles, focal_length: float, array: floa
         depth = focal_length * z / (z - focal_length)
         points = np.column_stack([bundles.height / s[:, None] * (depth / z)[:, None], -depth])
     real = np.isfinite(points).all(axis=1) & (z > focal_length) & (depth < 1e4 * focal_length)
-    if real.mean() < 0.9:
+    frame = bundles.frame[real]
+    counts = np.bincount(frame, minlength=frames)
+    if real.mean() < 0.9 or counts.min() < 3:
         return nothing
-    turns, shifts, errors = np.empty((frames, 3, 3)), np.empty((frames, 3)), np.empty(frames)
-    for number in range(frames):
-        rows = real & (bundles.frame == number)
-        if rows.sum() < 3:
-            return nothing
-        board, image = problem.board[bundles.point[rows]], points[rows]
-        middle, centre = board.mean(axis=0), np.median(image, axis=0)
-        u, _, v = np.linalg.svd((image - centre).T @ (board - middle))
-        turns[number] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
-        moved = (board - middle) @ turns[number].T
-        shifts[number] = centre - turns[number] @ middle
-        # In directions, where blur in depth does not hide the rest.
-        errors[number] = np.median(np.sum((image - centre - moved) ** 2, axis=1))
-    return float(np.median(errors)), Poses(turns, shifts)
+    first = np.cumsum(counts) - counts
+    board, image = problem.board[bundles.point[real]], points[real]
+    middle = np.add.reduceat(board, first) / counts[:, None]
+    centre = np.stack([_medians(each, frame, first, counts) for each in image.T], axis=1)
+    board, image = board - middle[frame], image - centre[frame]
+    u, _, v = np.linalg.svd(np.add.reduceat(image[:, :, None] * board[:, None], first))
+    u[:, :, 2] *= np.linalg.det(u @ v)[:, None]
+    turns = u @ v
+    # In directions, where blur in depth does not hide the rest.
+    miss = np.sum((image - np.einsum("nij,nj->ni", turns[frame], board)) ** 2, axis=1)
+    shifts = centre - np.einsum("nij,nj->ni", turns, middle)
+    return float(np.median(_medians(miss, frame, first, counts))), Poses(turns, shifts)
+
+
+def _medians(values: Floats, frame: NDArray[np.int64], first: NDArray[np.int64], counts: NDArray[np.int64]) -> Floats:
+    """Median (f,) of the values (n,) of each frame, whose rows follow one another."""
+    ordered = values[np.lexsort((values, frame))]
+    return np.asarray(0.5 * (ordered[first + (counts - 1) // 2] + ordered[first + counts // 2]))
