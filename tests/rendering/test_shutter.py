@@ -46,10 +46,9 @@ def rendered(frame, **settings):
     return pl.render(frame.scene, frame.camera, **{"progress": False, "truth": pl.Truth.NONE, **settings})
 
 
-@pytest.mark.parametrize("count, each, samples", [(64, 16, 1024), pytest.param(256, 32, 8192, marks=pytest.mark.slow)])
-def test_motion_blur_is_the_mean_of_still_frames(count, each, samples):
+def test_motion_blur_is_the_mean_of_still_frames():
     # A blurred exposure against the mean of still frames at the middles of equal intervals.
-    duration = 0.4
+    duration, count, each, samples = 0.4, 64, 16, 1024
     shot = rendered(sequence([0.5], Shutter(duration))[0], samples=samples, replicates=16)
     times = 0.5 + duration * ((np.arange(count) + 0.5) / count - 0.5)
     frames = [rendered(frame, samples=each, replicates=1, seed=k + 1).image for k, frame in enumerate(sequence(times))]
