@@ -11,11 +11,11 @@ from plenoptic.optics.microlens.lattice import Lattice
 STOP = 3.5
 PITCH = 0.147
 SQUARE_PITCH = PITCH * 0.75**0.25
-SCENES = (((0.9,), 0.0), ((1.12,), 0.0), ((1.12, 1.0, 0.9), 0.0), ((1.12, 1.0, 0.9), RESOLVED))
-"""Parts of the distance in focus at which planes stand, and the shortest waves of their texture."""
 VIEWS = ((0, 0), (2, 0), (0, -2), (-2, 1))
 RESOLVED = 6.0
 """Pitches of microlenses, as far as the plane in focus, that the shortest waves of the smooth texture are long."""
+SCENES = (((0.9,), 0.0), ((1.12,), 0.0), ((1.12, 1.0, 0.9), 0.0), ((1.12, 1.0, 0.9), RESOLVED))
+"""Parts of the distance in focus at which planes stand, and the shortest waves of their texture."""
 
 
 def tables(*, quick):

@@ -192,8 +192,8 @@ def _beam(
     passing = int(np.count_nonzero(light.weight))
     if passing < 2:
         raise InvalidValueError(
-            f"{passing} of {light.emitted} rays from the field {field_text(point, z)} pass the lens; rims and stops clip "
-            "the others, or coatings reflect all of their light: give a smaller field, or more rays"
+            f"{passing} of {light.emitted} rays from the field {field_text(point, z)} pass the lens; rims and stops "
+            "clip the others, or coatings reflect all of their light: give a smaller field, or more rays"
         )
     total = light.weight.sum()
     heights = light.points - light.weight @ light.points / total

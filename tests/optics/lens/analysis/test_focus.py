@@ -130,7 +130,7 @@ def test_images_at_infinity_before_the_lens_and_nowhere():
         ),
         (lambda: best_focus(GAUSS, field=(0, 5e3), z_object=-400), r"field \(0, 5000\) mm reaches the iris .* in mm$"),
         (lambda: best_focus(GAUSS, field=(0.0, 0.6), rays=64), r"^0 of 64 rays .* rims and stops clip the others"),
-        (lambda: best_focus(pl.optics.coated(GAUSS, pl.optics.Reflectance(1.0))), r"coatings reflect all of their light"),
+        (lambda: best_focus(pl.optics.coated(GAUSS, pl.optics.Reflectance(1.0))), "coatings reflect all of"),
         (lambda: best_focus(GAUSS, criterion="rms"), r"criterion is 'rms'; it must be FocusCriterion\.PARAXIAL or"),
         (lambda: best_focus(NONE), nothing),
         (lambda: paraxial_focus(NONE, -404.0), nothing),
