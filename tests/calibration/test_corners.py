@@ -83,7 +83,7 @@ def test_blurred_corners_are_where_the_microlens_centre_sees_them():
     """Also where the main lens's pupil cuts the cone of light: outwards they would be by 2 % (focal length 2.6)."""
     for length in (2.6, 1.55):
         camera, board = camera_of("G1", (length,)), tilted()
-        corners = found(camera, board)
+        corners = found(camera, board, samples=128)
         error = errors_of(corners, camera, board)[0]
         arm = corners.pixel - grid_of(camera).centres_of(corners.index)
         # Its standard error is 0.001.
