@@ -15,7 +15,7 @@ DOUBLE_GAUSS = pl.load_lens("double-gauss-100mm-f2")
 
 @pytest.fixture(autouse=True)
 def few_rays(monkeypatch):
-    """8192 rays of a place, not 65 536: off by 1e-4 (thin) to 6e-3 (real, wide open) of disparity, 2e-3 of asymmetry."""
+    """An eighth of the rays: disparities are off by 1e-4 (thin lens) to 6e-3 (real, wide open), asymmetries by 2e-3."""
     monkeypatch.setattr(plenoptic.truth.pair_geometry, "_SAMPLES", 1 << 13)
 
 
