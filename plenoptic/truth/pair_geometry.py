@@ -14,7 +14,7 @@ from plenoptic.camera.camera_record import camera_record, response_record
 from plenoptic.camera.gaussian import image_plane, object_plane
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import batch_record
-from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.values import Floats, broadcast, check_kind, numbers, result
 from plenoptic.errors import InvalidValueError
 from plenoptic.optics.lens.models import LensModel
@@ -225,14 +225,17 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
     features, pupils = np.full((len(nodes), 5), np.nan), np.zeros((len(nodes), _PUPIL, 6))
     for k, node in enumerate(illuminated.place):
         bundle = camera_rays.sample(k * _SAMPLES, _SAMPLES)
-        responses = np.stack([_responses(bundle, record.sensor.plane, half) for half in halves])
+        responses = _responses(bundle, record.sensor.plane, halves)
         camera_rays.fill_through_array(bundle)
         camera_rays.fill_through_lens(bundle)
-        rays = bundle.reshape(-1, RAY // BLOCK, BLOCK).swapaxes(0, 1).reshape(RAY // BLOCK, -1)
-        arrived = rays[7] == 0
-        weights, point, direction = responses[:, arrived] * rays[6, arrived], rays[:3, arrived].T, rays[3:6, arrived].T
+        fields = bundle.reshape(-1, RAY // BLOCK, BLOCK)
+        arrived = fields[:, STATUS // BLOCK] == 0
+        point, direction = (
+            np.stack([fields[:, row // BLOCK][arrived] for row in rows]) for rows in ((X, Y, Z), (L, M, N))
+        )
+        weights = responses[:, arrived] * fields[:, WEIGHT // BLOCK][arrived]
         if parts.lens_to_camera is not None:
-            point, direction = parts.lens_to_camera.points(point), parts.lens_to_camera.directions(direction)
+            point, direction = parts.lens_to_camera.points(point.T).T, parts.lens_to_camera.directions(direction.T).T
         light = weights.sum(axis=1)
         if not light.any():
             continue
@@ -241,13 +244,13 @@ def _trace(camera: PlenopticCamera, pixels: DualPixels, nodes: Floats) -> tuple[
         if not light.all():
             continue
         weights /= light[:, None]
-        slopes = direction[:, :2] / direction[:, 2:]
-        planes = np.stack([point[:, :2] - slopes * point[:, 2:], slopes]) * [1.0, -1.0]
-        (left, right), beam = weights @ planes[..., 0].T, planes.mean(axis=1)
+        slopes = direction[:2] / direction[2]
+        planes = np.stack([point[:2] - slopes * point[2], slopes]) * [[1.0], [-1.0]]
+        (left, right), beam = weights @ planes[:, 0].T, planes.mean(axis=2)
         features[node] = [shares[0], *(left - right), *beam[:, 0]]
-        at_zero, by_z = (planes - beam[:, None])[:, :_PUPIL]
-        weights = weights[:, :_PUPIL] / np.maximum(weights[:, :_PUPIL].sum(axis=1, keepdims=True), _ROUNDING)
-        pupils[node, : len(at_zero)] = np.hstack([at_zero, by_z, weights.T * shares])
+        kept, weights = planes[..., :_PUPIL] - beam[..., None], weights[:, :_PUPIL]
+        weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), _ROUNDING) * shares[:, None]
+        pupils[node, : kept.shape[-1]] = np.concatenate([*kept, weights]).T
     return features, pupils
 
 
@@ -260,9 +263,13 @@ def _half_record(camera: PlenopticCamera, pixels: DualPixels, column: int) -> We
     return record._replace(rows=dataclasses.replace(pixels, well=None).intervals(0))
 
 
-def _responses(bundle: Floats, plane: SensorPlane, wells: WellsRecord) -> Floats:
-    """Responses (n,) of wells to aimed samples."""
-    samples = bundle.copy().reshape(-1, RAY // BLOCK, BLOCK)
-    samples[:, WEIGHT // BLOCK] = 1.0
-    fill_well_response(samples.reshape(-1), plane, wells)
-    return samples[:, WEIGHT // BLOCK].ravel()
+def _responses(bundle: Floats, plane: SensorPlane, halves: list[WellsRecord]) -> Floats:
+    """Responses (2, n / BLOCK, BLOCK) of the wells of both halves to n aimed samples, whose weights are kept."""
+    weights = bundle.reshape(-1, RAY // BLOCK, BLOCK)[:, WEIGHT // BLOCK]
+    kept, responses = weights.copy(), np.empty((2, *weights.shape))
+    for half, response in zip(halves, responses, strict=True):
+        weights[:] = 1.0
+        fill_well_response(bundle, plane, half)
+        response[:] = weights
+    weights[:] = kept
+    return responses

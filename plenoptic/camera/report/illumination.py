@@ -106,7 +106,8 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     """Fractions of a cell of the sensor that no microlens illuminates, and that several illuminate.
 
     A ray from a point s of the sensor through the point c + d of a microlens at c with power F crosses the exit pupil,
-    D before the array, at D (c + d - s) / b - D d F + c + d. It passes if that point is inside the pupil.
+    D before the array, at D (c + d - s) / b - D d F + c + d. It passes if that point is inside the pupil. Points s
+    that are farther from c (1 + b / D) than the light of the widest pupil are not looked at.
     """
     array, b = camera.microlenses, camera.microlenses_to_sensor
     assert array is not None
@@ -121,12 +122,15 @@ def coverage(camera: PlenopticCamera, cone: Cone) -> tuple[float, float]:
     basis = np.eye(2) * neighbour_distance(array) if array.lattice is Lattice.FREE else array.basis
     sensor = stretch * (points @ basis)
     inside = _opening_points(array)
-    n_lit = np.zeros(len(sensor), dtype=np.int64)
+    n_lit, widest = np.zeros(len(sensor), dtype=np.int64), float(np.hypot(*inside.T).max())
     for k in np.flatnonzero(lenses.transmission > 0).tolist():
+        power, decentre = factor * float(lenses.power[k]), lenses.centre[k] - lenses.axis[k]
+        light = b * (cone.slope + math.hypot(*decentre) * abs(power)) + widest * abs(stretch - b * power)
+        near = np.flatnonzero(np.hypot(*(sensor - stretch * lenses.centre[k]).T) <= light * (1 + 1e-9))
         through = lenses.centre[k] + inside
-        slopes = through * cone.vergence - (through - lenses.axis[k]) * factor * float(lenses.power[k])
-        pupil = ((through - sensor[:, None]) / b + slopes) * (stop.semi_diameter / cone.slope)
-        n_lit += stop.contains(pupil[..., 0], pupil[..., 1]).any(axis=1)
+        slopes = through * cone.vergence - (through - lenses.axis[k]) * power
+        pupil = ((through - sensor[near, None]) / b + slopes) * (stop.semi_diameter / cone.slope)
+        n_lit[near] += stop.contains(pupil[..., 0], pupil[..., 1]).any(axis=1)
     return float((n_lit == 0).mean()), float((n_lit > 1).mean())
 
 

@@ -40,6 +40,12 @@ def weights_of(positions, camera, intensity=1.0, **options):
     )
 
 
+@pytest.fixture(scope="module")
+def few():
+    """Weights by few rays."""
+    return weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
+
+
 @pytest.mark.parametrize("name", CAMERAS)
 def test_weights_are_point_spreads_over_the_cosine(name):
     camera = CAMERAS[name]
@@ -213,14 +219,13 @@ def test_pairs_of_a_vortex_ring_give_their_displacement_back():
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".h5"])
-def test_files_give_the_same_weights(tmp_path, suffix):
+def test_files_give_the_same_weights(few, tmp_path, suffix):
     if suffix == ".h5":
         pytest.importorskip("h5py")
-    weights = weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
-    weights.save(tmp_path / f"w{suffix}")
-    assert pl.rendering.PointWeights.load(tmp_path / f"w{suffix}") == weights
+    few.save(tmp_path / f"w{suffix}")
+    assert pl.rendering.PointWeights.load(tmp_path / f"w{suffix}") == few
     with pytest.raises(pl.errors.FileError, match="suffix"):
-        weights.save(tmp_path / "w.txt")
+        few.save(tmp_path / "w.txt")
     (tmp_path / f"bad{suffix}").write_bytes(b"nothing")
     with pytest.raises(pl.errors.FileError):
         pl.rendering.PointWeights.load(tmp_path / f"bad{suffix}")
@@ -257,13 +262,12 @@ def damaged(weights, **arrays):
         ("seed", lambda a: -1, "seed"),
     ],
 )
-def test_damaged_weights_are_refused(tmp_path, name, damage, message):
+def test_damaged_weights_are_refused(few, tmp_path, name, damage, message):
     """When they are made, and from files, before a kernel reads beyond the end of an array."""
-    weights = weights_of(POSITIONS, CAMERAS["2.0"], rays=256)
-    wrong = damage(getattr(weights, name))
+    wrong = damage(getattr(few, name))
     with refused(message):
-        damaged(weights, **{name: wrong})
-    arrays = {field.name: getattr(weights, field.name) for field in dataclasses.fields(weights)}
+        damaged(few, **{name: wrong})
+    arrays = {field.name: getattr(few, field.name) for field in dataclasses.fields(few)}
     np.savez(tmp_path / "w.npz", **arrays | {name: wrong})
     with pytest.raises(pl.errors.FileError, match=message):
         pl.rendering.PointWeights.load(tmp_path / "w.npz")
@@ -272,12 +276,11 @@ def test_damaged_weights_are_refused(tmp_path, name, damage, message):
         pl.rendering.PointWeights.load(tmp_path / "w.npz")
 
 
-def test_pairs_of_other_rays_are_refused():
+def test_pairs_of_other_rays_are_refused(few):
     camera, points = CAMERAS["2.0"], pl.Points(POSITIONS, intensity=1.0)
-    first = weights_of(POSITIONS, camera, rays=256)
     for options in ({"rays": 512}, {"rays": 256, "seed": 1}):
         with refused("trace both with the same rays= and seed="):
-            first.displacement(pl.rendering.point_weights(points, camera, progress=False, **options))
+            few.displacement(pl.rendering.point_weights(points, camera, progress=False, **options))
 
 
 @pytest.mark.parametrize("distance", [1e10, 1e13])

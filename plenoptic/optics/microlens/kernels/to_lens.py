@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from plenoptic.core.kernels.ray_blocks import BLOCK, OUTSIDE_MICROLENS, RAY, STATUS, WEIGHT, L, M, N, X, Y, Z
 from plenoptic.core.numba.jit import device, kernel
 from plenoptic.optics.lens.kernels.frames import out_of_frame
@@ -126,6 +124,24 @@ def slope_in_stack(slope, other):
     return slope / math.sqrt(INDEX2 + (INDEX2 - 1.0) * (slope * slope + other * other))
 
 
+@device
+def _table_response(angle, table):
+    """`np.interp` in a table (n, 2), which would allocate arrays for each ray."""
+    if angle <= table[0, 0]:
+        return table[0, 1]
+    low, high = 0, table.shape[0] - 1
+    if angle >= table[high, 0]:
+        return table[high, 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[middle, 0] <= angle:
+            low = middle
+        else:
+            high = middle
+    slope = (table[high, 1] - table[low, 1]) / (table[high, 0] - table[low, 0])
+    return slope * (angle - table[low, 0]) + table[low, 1]
+
+
 @kernel
 def fill_well_response(blocks, sensor, wells):
     """Multiply the weights of aimed samples by the response of the wells that are read; see `DualPixels`."""
@@ -138,7 +154,7 @@ def fill_well_response(blocks, sensor, wells):
             chief_x, chief_y = -x * inverse_pupil, -y * inverse_pupil
             if wells.table is not None:
                 angle = math.atan(slope_x) - math.atan(chief_x)
-                ray[WEIGHT + i] *= np.interp(angle, wells.table[:, 0], wells.table[:, 1])
+                ray[WEIGHT + i] *= _table_response(angle, wells.table)
             else:
                 across = depth * (slope_in_stack(slope_x, slope_y) - slope_in_stack(chief_x, chief_y))
                 down = -depth * (slope_in_stack(slope_y, slope_x) - slope_in_stack(chief_y, chief_x))
