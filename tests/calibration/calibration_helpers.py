@@ -36,7 +36,7 @@ def camera_as_built(
     return built.moved(pl.CameraPart.SENSOR, shift=(*rng.uniform(-0.2, 0.2, 2), 0.0))
 
 
-def board_points(bend=0.0, seed=0, *, columns=4, rows=3, square=8.0):
+def board_points(bend=0.0, seed=0, *, columns=7, rows=5, square=4.0):
     """Points of a board as designed, and as it is: displaced by normal errors of a standard deviation in mm."""
     design = np.stack(np.meshgrid(np.arange(columns), np.arange(rows), [0.0]), axis=-1).reshape(-1, 3) * square
     return design, design + bend * np.random.default_rng(seed).standard_normal(design.shape)

@@ -36,7 +36,7 @@ def z_scores(calibration, values):
 
 
 def test_exact_observations_give_the_camera_back():
-    calibration = pl.calibrate(observed(noise=(1e-3, 2e-4), n=5), start=NOMINAL, board=0.0)
+    calibration = pl.calibrate(observed(noise=(1e-3, 2e-4)), start=NOMINAL)
     assert calibration.corner_rms < 1.1e-3 and calibration.centre_rms < 2.2e-4
     errors = np.abs(calibration.values - parameters())[[P.FOCAL_LENGTH, P.LENS_TO_ARRAY, P.ARRAY_TO_SENSOR, P.PITCH]]
     assert (errors < [0.02, 0.02, 1e-3, 1e-6]).all()
