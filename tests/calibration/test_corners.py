@@ -289,14 +289,14 @@ def test_observations_of_raw_images_calibrate():
         ("G1", 2.0, 0.05, 50.0, 0.98, 0.11),
         ("G1", 2.0, 0.55, 500.0, 0.98, 0.1),
         ("G1", 2.6, 0.05, 500.0, 0.98, 0.06),
-        ("K1", 1.7, 0.05, 500.0, 0.98, 0.035),
+        ("K1", 1.7, 0.05, 500.0, 0.98, 0.03),
     ],
 )
 def test_rate_and_error_by_blur_contrast_and_noise(kind, length, dark, electrons, rate, error):
     camera = camera_of(kind, (length,))
     design = checkerboard(5, 4, square=3.0, margin=3.0, dark=pl.Emissive(dark))
     board, grid = tilted(design=design), grid_of(camera)
-    corners = found(camera, board, electrons=electrons, samples=128)
+    corners = found(camera, board, electrons=electrons, samples=256)
     errors, truth, met = errors_of(corners, camera, board)
     centres, radius = grid.centres_of(grid.on_sensor), np.median(grid.radius)
     inner = [k for k, p in enumerate(truth.pixel) if np.hypot(*(centres - p).T).min() < radius - 2.5]
