@@ -26,7 +26,6 @@ from plenoptic.optics.lens.ghosts.ghost_rays import covering_rays, points_on
 from plenoptic.optics.lens.ghosts.ghost_settings import Ghosts
 from plenoptic.optics.lens.ghosts.unfolded import ghost_stack, pair_records, pairs_of, reflecting_lens
 from plenoptic.optics.lens.lens_record import LensRecord
-from plenoptic.optics.lens.loss_record import table_cosines
 from plenoptic.optics.lens.models import LensModel
 from plenoptic.optics.lens.placement import Placement
 from plenoptic.optics.lens.stack import LensStack
@@ -50,8 +49,8 @@ _UNSEEN = 0.3
 """Part of the opening by which discs of n lit rays are wider, times the root of n: few rays show little of a disc."""
 _EVEN = 0.1
 """Part of the probability that all pairs share alike: light of a scene need not be that of the pilot."""
-_MOST_BANDS, _TABLE_BYTES = 8, 1 << 28
-"""Most wavelengths at which the ghosts of a spectral camera are traced, and largest size of their tables in bytes."""
+_BANDS = 8
+"""Wavelengths at which the ghosts of a spectral camera are traced."""
 _GUIDES = 1024
 """Entries of the guide table for cumulative probabilities; see `fill_waves`."""
 
@@ -203,14 +202,12 @@ def ghost_lens(camera: PlenopticCamera, ghosts: Ghosts) -> GhostLens:
     return GhostLens(camera, ghosts, (z, reflectance), None if tilt is None else Placement(rotation=plane.turn))
 
 
-def _bands(stacks: list[LensStack], colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:
+def _bands(colour: ColourTables) -> tuple[Floats, NDArray[np.int64]]:
     """Wavelengths in nm at which ghosts are traced, and the index of one of them for each that paths draw.
 
-    They are the medians of bands of equal probability, as many as tables of reflectances find room for.
+    They are the medians of bands of equal probability.
     """
-    size = sum(len(stack.elements) for stack in stacks) * table_cosines().nbytes
-    count = min(max(_TABLE_BYTES // size, 1), _MOST_BANDS)
-    bands = np.minimum((count * (colour.cdf - 0.5 * np.diff(colour.cdf, prepend=0.0))).astype(np.int64), count - 1)
+    bands = np.minimum((_BANDS * (colour.cdf - 0.5 * np.diff(colour.cdf, prepend=0.0))).astype(np.int64), _BANDS - 1)
     _, bands = np.unique(bands, return_inverse=True)
     return np.array([np.median(colour.wavelengths[bands == band]) for band in range(bands.max() + 1)]), bands
 
@@ -228,7 +225,7 @@ def ghost_record(ghosts: GhostLens, camera: PlenopticCamera, colour: ColourTable
     aims = GhostAims(redirects, slope, scale, camera.lens.stop.semi_diameter, camera.stop_to_microlenses)
     cumulative = np.append(np.cumsum(np.outer(probability, (WIDE, 1.0 - WIDE)))[:-1], 1.0)
     if colour is not None:
-        at, bands = _bands([path.stack for path in paths], colour)
+        at, bands = _bands(colour)
         record = _record(ghosts, ghosts.paths(tuple(at.tolist())), at)._replace(bands=bands)
     guide = np.searchsorted(cumulative, np.arange(_GUIDES) / _GUIDES, side="right")
     return record._replace(probability=probability, cumulative=cumulative, guide=guide, aims=aims)

@@ -153,9 +153,8 @@ def lens_record(
 
 def radiometric_lens_record(lens: LensStack, wavelength: float | Floats, *, reverse: bool) -> LensRecord:
     """Lens record for light: with the losses of a lens with coatings, which searches for rays do not need."""
-    wavelengths = tuple(np.array(wavelength, dtype=np.float64, ndmin=1).tolist())
     record = lens_record(lens, wavelength, reverse=reverse)
-    return record._replace(losses=loss_record(lens, wavelengths, reverse=reverse))
+    return record._replace(losses=loss_record(lens, wavelength, reverse=reverse))
 
 
 def _columns(rows: list[ElementRow], direction: float) -> LensRecord:

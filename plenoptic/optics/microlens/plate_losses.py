@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from plenoptic.core.values import Floats
 from plenoptic.optics.coatings.surface_powers import ordered_powers
 from plenoptic.optics.glass.absorption import attenuation
 from plenoptic.optics.glass.media import AIR, Medium
-from plenoptic.optics.lens.loss_record import LossRecord, transmittance_table
+from plenoptic.optics.lens.loss_record import LossRecord, loss_tables, transmittance_table
 from plenoptic.optics.microlens.array import MicrolensArray
 from plenoptic.optics.microlens.microlens_record import ArrayRecord
 from plenoptic.optics.microlens.plano_convex import PlateRecord
@@ -27,12 +28,19 @@ def add_losses(
     ratio = np.array([array.index_at(each) for each in wavelengths])
     low_high = tuple((around * np.minimum(ratio, 1.0)).tolist()), tuple((around * np.maximum(ratio, 1.0)).tolist())
     # Both sides lie between the same media, and films are described from the lower index: one table for both.
-    table = transmittance_table(array.coating, low_high, wavelengths, tuple((ratio >= 1.0).tolist()))
-    # As of a lens: a cosine of 1 is interpolated towards one more node.
-    tables = np.concatenate([table, table[:, -1:]], axis=1)[np.newaxis]
+    order, coating = tuple((ratio >= 1.0).tolist()), array.coating
+
+    def light(cosines: tuple[float, ...], part: slice) -> Floats:
+        low, high, nm, in_order = (each[part] for each in (*low_high, wavelengths, order))
+        return transmittance_table(coating, (low, high), nm, in_order, cosines)[np.newaxis]
+
+    table, _ = loss_tables(lambda cosines: light(cosines, slice(1)), dispersed=False)
+    dispersed = None
+    if len(wavelengths) > 1:
+        _, dispersed = loss_tables(lambda cosines: light(cosines, slice(1, None)), dispersed=True)
     per_mm = np.array([[attenuation(array.medium, each) for each in wavelengths]])
     absorbs = (per_mm, np.ones(1, dtype=np.bool_)) if per_mm.any() else (None, None)
-    return record._replace(model=plate._replace(losses=LossRecord(tables, *absorbs)))
+    return record._replace(model=plate._replace(losses=LossRecord(table, dispersed, *absorbs)))
 
 
 def axial_transmission(array: MicrolensArray, wavelength: float, outside: Medium = AIR) -> float | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, WEIGHT, L, M, N, X, Y, Z
@@ -20,7 +22,7 @@ position and direction of rays in front of a surface that is no sphere."""
 def weaken(ray, lens, k, waves, first, index_ratios, workspace):
     """Multiply weights by the transmittance of the surface in row k, whose vertex is the origin, behind refraction.
 
-    Tables go by the squared cosine in the medium of the lower index. `refract_sphere` stores it in the workspace (ROWS,
+    Tables go by the cosine in the medium of the lower index. `refract_sphere` stores its square in the workspace (ROWS,
     BLOCK); for other surfaces it is that of the refracted ray, or by Snell's law that of the incident one. Lost rays,
     whose numbers may be nan, take a cosine of 0. Several short loops are vectorised, one long loop is not.
     """
@@ -35,26 +37,45 @@ def weaken(ray, lens, k, waves, first, index_ratios, workspace):
             cos2[i] = cos2[i] if mu >= 1.0 else 1.0 - (1.0 - cos2[i]) * (1.0 / (mu * mu))
     elif row.kind != SPHERE:
         return
-    transmit(ray, cos2, lens.losses.transmittance[k], waves, first)
+    if waves is None:
+        transmit(ray, cos2, lens.losses.transmittance[k])
+    else:
+        transmit_dispersed(ray, cos2, lens.losses.dispersed[k], waves, first)
 
 
 @device
-def transmit(ray, cos2, table, waves, first):
-    """Multiply weights by a table (wavelengths, nodes + 1) at squared cosines (BLOCK,), which are overwritten."""
-    intervals = table.shape[1] - 2
+def transmit(ray, cos2, table):
+    """Multiply weights by a table (nodes + 1) at squared cosines (BLOCK,), which are overwritten."""
+    intervals = table.size - 2
     for i in range(BLOCK):
         cos2[i] = intervals * min(cos2[i] if cos2[i] > 0.0 else 0.0, 1.0)
-    if waves is None:
-        column = table[0]
-        for i in range(BLOCK):
-            node = np.int32(cos2[i])
-            low = column[node]
-            ray[WEIGHT + i] *= low + (cos2[i] - node) * (column[node + np.int32(1)] - low)
-    else:
-        for i in range(BLOCK):
-            node, wave = np.int32(cos2[i]), waves[first + i]
-            low = table[wave, node]
-            ray[WEIGHT + i] *= low + (cos2[i] - node) * (table[wave, node + np.int32(1)] - low)
+    for i in range(BLOCK):
+        node = np.int32(cos2[i])
+        low = table[node]
+        ray[WEIGHT + i] *= low + (cos2[i] - node) * (table[node + np.int32(1)] - low)
+
+
+@device
+def transmit_dispersed(ray, cos2, table, waves, first):
+    """Multiply weights by a table (wavelengths, nodes + 2) at squared cosines (BLOCK,), which are overwritten.
+
+    By the cubic polynomial through the two nodes on either side, in Newton's form. Unsigned indices count from the
+    front, so that reading is vectorised.
+    """
+    columns, last, numbers = np.int32(table.shape[1]), np.int32(table.shape[1] - 4), table.ravel()
+    for i in range(BLOCK):
+        cos2[i] = (table.shape[1] - 3) * math.sqrt(min(cos2[i] if cos2[i] > 0.0 else 0.0, 1.0))
+    for i in range(BLOCK):
+        node = min(np.int32(cos2[i]), last)
+        t, k = cos2[i] - node, np.uint32(np.int32(waves[first + i]) * columns + node)
+        before, low, high, behind = (
+            numbers[k],
+            numbers[k + np.uint32(1)],
+            numbers[k + np.uint32(2)],
+            numbers[k + np.uint32(3)],
+        )
+        second, third = 0.5 * (before + high) - low, (behind - before) * (1.0 / 6.0) + 0.5 * (low - high)
+        ray[WEIGHT + i] *= low + t * (high - low + (t - 1.0) * (second + (t + 1.0) * third))
 
 
 @device

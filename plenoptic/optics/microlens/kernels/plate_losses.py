@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, N, Z
 from plenoptic.core.numba.jit import device
-from plenoptic.optics.coatings.kernels.losses import DEPTH, absorb, add_depth, transmit
+from plenoptic.optics.coatings.kernels.losses import DEPTH, absorb, add_depth, transmit, transmit_dispersed
 from plenoptic.optics.lens.kernels.spherical_refraction import COS2, DISTANCE
 
 LOSS_ROWS = DEPTH + 1
@@ -17,9 +17,9 @@ LOSS_ROWS = DEPTH + 1
 def weaken_at_side(ray, losses, waves, first, workspace):
     """Multiply weights by the transmittance of a side, at the squared cosines of its refraction."""
     if waves is None:
-        transmit(ray, workspace[COS2], losses.transmittance[0], None, 0)
+        transmit(ray, workspace[COS2], losses.transmittance[0])
     else:
-        transmit(ray, workspace[COS2], losses.transmittance[0, 1:], waves, first)
+        transmit_dispersed(ray, workspace[COS2], losses.dispersed[0], waves, first)
 
 
 @device
