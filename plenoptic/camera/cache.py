@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plenoptic.camera.assembly import lens_to_world
-from plenoptic.camera.camera_record import CameraRecord, camera_record, core_transmission
+from plenoptic.camera.camera_record import CameraRecord, camera_record, lens_transmission
 from plenoptic.camera.sampling.aperture_regions import illuminated_pixels
 from plenoptic.camera.sampling.sampling_records import IlluminatedPixels, Regions
 from plenoptic.core.last_result import LastResultCache
@@ -65,10 +65,10 @@ class PreparedCamera:
         )
         return other
 
-    def fit_core_transmission(self) -> None:
-        """Fit the transmission of the unvignetted core, unless the record has it."""
-        if self.record.core_transmission is None:
-            self.record = self.record._replace(core_transmission=core_transmission(self.record))
+    def fit_transmission(self) -> None:
+        """Fit the transmission of a lens with losses, unless the record has it."""
+        if self.record.transmission is None:
+            self.record = self.record._replace(transmission=lens_transmission(self.record))
 
     def set_tiles(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
         """Set the tiles to render, in several steps or at once, and clear the cache unless they are those of before."""

@@ -69,7 +69,7 @@ class CameraRays:
         self._trace_lens = fill_through_lens.specialize()
         self.core = np.empty(blocks * RAY) if illuminated.has_core else None
         """Aimed rays through the unvignetted core, the control variate; None without one. They are traced
-        through lenses with losses only, where these have no `TransmissionFit`."""
+        through lenses with losses only, where the camera has no `TransmissionFit`."""
         self.lenslets = camera.lenslet_parameters(blocks * BLOCK)
         """Lenslet parameters of each ray; None if all microlenses are alike."""
         self.waves: NDArray[np.int64] | None = None
@@ -80,6 +80,9 @@ class CameraRays:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
             self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
         assert self.core is None or self.lens.losses is None or self.lenslets is None
+        self._loses_light = self.lens.losses is not None
+        if camera.transmission is not None:
+            self.lens = self.lens._replace(losses=None)
         self._distant = None if illuminated.sources is None else np.empty(capacity, dtype=np.int64)
         self.kernel_rows = None if illuminated.kernel is None else np.empty(capacity, dtype=np.int64)
         """Row of the `KernelTable` of each ray; None without a diffraction kernel."""
@@ -118,15 +121,18 @@ class CameraRays:
         sensor = self._camera.sensor
         fill_losses_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.lenslets, self._camera, self.waves)
+        fit = self._camera.transmission
+        if fit is not None:
+            fill_fitted_transmission(bundle, fit, self.waves)
         if self.core is not None:
             core = self.core[: bundle.size]
             fill_losses_before_array(core, sensor.plane, sensor.response, ())
-            if self.lens.losses is None:
+            if not self._loses_light:
                 to_lens.fill_weights(core, sensor.plane)
             else:
                 fill_through_array(core, None, self._camera)
-                if self._camera.core_transmission is not None:
-                    fill_fitted_transmission(core, self._camera.core_transmission)
+                if fit is not None:
+                    fill_fitted_transmission(core, fit, self.waves)
 
     def fill_iris_deflections(self, bundle: Floats, start: int, n: int) -> None:
         """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
@@ -145,7 +151,7 @@ class CameraRays:
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         self._scale_radiance(bundle)
         if self.core is not None:
-            if self.lens.losses is not None and self._camera.core_transmission is None:
+            if self.lens.losses is not None:
                 self._trace_lens(self.core[: bundle.size], self.lens, self.waves)
             self._scale_radiance(self.core[: bundle.size])
             weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)

@@ -135,8 +135,8 @@ class CameraRecord(NamedTuple):
     radiance_scale: Floats | None
     """(1,) or (W,): radiance behind the lens over that in front, (n' / n)^2, at the camera's wavelength or at those
     drawn by paths. None for one medium on both sides."""
-    core_transmission: TransmissionFit | None = None
-    """Transmission of rays through the unvignetted core of pixels; None: without losses, or such rays are traced."""
+    transmission: TransmissionFit | None = None
+    """Transmission of rays through a lens that is then traced without losses; None: it has none, or they are traced."""
     ghosts: GhostRecord | None = None
     """Paths through which rays are traced in place of the lens, to images of its ghosts; None: through the lens."""
 
@@ -210,12 +210,14 @@ def camera_record(camera: PlenopticCamera) -> CameraRecord:
     )
 
 
-def core_transmission(record: CameraRecord) -> TransmissionFit | None:
+def lens_transmission(record: CameraRecord) -> TransmissionFit | None:
     """Transmission of rays from the array, or the sensor without one, through the outlines of the exit pupil."""
-    pupil, parts = record.pupil, record.parts
+    pupil, parts, lens = record.pupil, record.parts, record.lens if record.dispersed is None else record.dispersed
+    if lens.losses is None:
+        return None
     z_start = parts.z_plane + (parts.distance if record.array is None else 0.0)
     start = z_start, len(pupil.support) * pupil.step
-    return transmission_fit(record.lens, start, (pupil.z, float(pupil.reach.max())))
+    return transmission_fit(lens, start, (pupil.z, float(pupil.reach.max())))
 
 
 def radiance_scale(lens: LensStack, wavelengths: tuple[float, ...]) -> Floats | None:

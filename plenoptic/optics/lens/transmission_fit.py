@@ -1,4 +1,4 @@
-"""Transmission of a centred lens for all rays from a plane behind it, as a polynomial."""
+"""Transmission of a centred lens for all rays from a plane behind it, as polynomials."""
 
 from __future__ import annotations
 
@@ -7,20 +7,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plenoptic.core.rays import RayBundle
+from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
+from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
-from plenoptic.optics.lens.trace import trace_record
 
-_RAYS, _RAYS_PER_TERM, _CHECKED, _DEGREES = 4096, 3, 1024, range(2, 9)
-"""Rays that are traced, those of a fit over its coefficients, most rays that check it, and degrees that are tried."""
+_RAYS, _DISPERSED_RAYS, _RAYS_PER_TERM, _CHECKED, _DEGREES = 4096, 1536, 3, 1024, range(2, 9)
+"""Rays that are traced, whole blocks, and those at each of many wavelengths; those of a fit over its coefficients, most
+rays that check it, and degrees that are tried."""
+_MOST_PARTS = 6
+"""Most products of a factor by wavelength and a polynomial."""
 
 _TOLERANCE = 1e-6
 """Largest error at rays without part in the fit, over the largest transmission: that of the tables of few surfaces."""
 
 
 class TransmissionFit(NamedTuple):
-    """Polynomial in q^2, p . q and p^2 of the points q and p of a ray in two planes, over the radii of their discs."""
+    """Polynomials in q^2, p . q and p^2 of the points q and p of a ray in two planes, over the radii of their discs.
+
+    The transmission at many wavelengths is a sum of products of a factor by wavelength and a polynomial: coatings and
+    glass take nearly the same part of all rays.
+    """
 
     z_q: float
     """z of the plane of q in mm."""
@@ -33,7 +40,9 @@ class TransmissionFit(NamedTuple):
     degree: int
     """Largest sum of the exponents."""
     coefficients: Floats
-    """(terms,) in the order of `_exponents`."""
+    """(parts, terms) in the order of `_exponents`."""
+    factors: Floats | None
+    """(wavelengths, parts); None for one wavelength and one part."""
 
 
 def _exponents(degree: int) -> list[tuple[int, int, int]]:
@@ -47,26 +56,47 @@ def transmission_fit(
 ) -> TransmissionFit | None:
     """Fit to the transmission of rays that pass a lens with losses towards the scene.
 
-    `start` and `pupil` are z and the radius in mm of discs on the axis, through which the rays go. None if an element
-    has a placement or no rotational symmetry, or no fit is good enough.
+    `start` and `pupil` are z and the radius in mm of discs on the axis, through which the rays go. `lens` is of one
+    wavelength, or of those of rays. None if an element has a placement or no rotational symmetry, or no fit is good
+    enough.
     """
     if lens.frames is not None or lens.freeform is not None:
         return None
-    u, (z_q, radius_q), (z_p, radius_p) = np.random.default_rng(0).random((3, _RAYS)), start, pupil
+    count = _RAYS if lens.index_ratios is None else _DISPERSED_RAYS
+    u, (z_q, radius_q), (z_p, radius_p) = np.random.default_rng(0).random((3, count)), start, pupil
     q, p, angle = np.sqrt(u[0]), np.sqrt(u[1]), math.pi * u[2]
-    origin = np.column_stack([radius_q * q, np.zeros(_RAYS), np.full(_RAYS, z_q)])
-    through = np.column_stack([radius_p * p * np.cos(angle), radius_p * p * np.sin(angle), np.full(_RAYS, z_p)])
-    behind = trace_record(lens, RayBundle(origin, through - origin), threads=1)
-    passes = behind.status == 0
-    light, variables = behind.weight[passes], np.stack([q * q, q * p * np.cos(angle), p * p])[:, passes]
+    origin = np.column_stack([radius_q * q, np.zeros(count), np.full(count, z_q)])
+    through = np.column_stack([radius_p * p * np.cos(angle), radius_p * p * np.sin(angle), np.full(count, z_p)])
+    light = _transmitted(lens, origin, through)
+    passes = (light > 0.0).all(axis=0)
+    light, variables = light[:, passes], np.stack([q * q, q * p * np.cos(angle), p * p])[:, passes]
     powers = variables[:, np.newaxis] ** np.arange(_DEGREES.stop)[:, np.newaxis]
     for degree in _DEGREES:
         i, j, k = np.array(_exponents(degree)).T
         n = _RAYS_PER_TERM * len(i)
-        if 2 * n > len(light):
+        if 2 * n > light.shape[1]:
             break
         terms = (powers[0, i, : n + _CHECKED] * powers[1, j, : n + _CHECKED] * powers[2, k, : n + _CHECKED]).T
-        coefficients = np.linalg.lstsq(terms[:n], light[:n])[0]
-        if np.abs(terms[n:] @ coefficients - light[n : n + _CHECKED]).max() <= _TOLERANCE * light.max():
-            return TransmissionFit(z_q, z_p, 1.0 / radius_q, 1.0 / radius_p, degree, coefficients)
+        coefficients, checked = np.linalg.lstsq(terms[:n], light[:, :n].T)[0].T, light[:, n : n + _CHECKED]
+        factors, sizes, parts = np.linalg.svd(coefficients, full_matrices=False)
+        for rank in range(1, min(len(sizes), _MOST_PARTS) + 1):
+            chosen = np.ascontiguousarray(factors[:, :rank] * sizes[:rank]), np.ascontiguousarray(parts[:rank])
+            if np.abs(chosen[0] @ (chosen[1] @ terms[n:].T) - checked).max() <= _TOLERANCE * light.max():
+                planes = z_q, z_p, 1.0 / radius_q, 1.0 / radius_p
+                if lens.index_ratios is None:
+                    return TransmissionFit(*planes, degree, coefficients, None)
+                return TransmissionFit(*planes, degree, chosen[1], chosen[0])
     return None
+
+
+def _transmitted(lens: LensRecord, origin: Floats, through: Floats) -> Floats:
+    """Light (wavelengths, rays) of rays from points through others that passes the lens."""
+    direction, n = through - origin, len(origin)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    rows = np.column_stack([origin, direction, np.ones(n), np.zeros(n)]).reshape(-1, BLOCK, RAY // BLOCK)
+    light = np.empty((1 if lens.index_ratios is None else lens.index_ratios.shape[1], n))
+    for wave, of_rays in enumerate(light):
+        blocks = np.ascontiguousarray(rows.transpose(0, 2, 1))
+        fill_through_lens(blocks.reshape(-1), lens, None if lens.index_ratios is None else np.full(n, wave))
+        of_rays[:] = blocks[:, WEIGHT // BLOCK].ravel()
+    return light
