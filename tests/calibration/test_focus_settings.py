@@ -135,9 +135,9 @@ def test_a_setting_far_from_the_first_starts_from_the_pitch_of_its_micro_images(
 
 @pytest.mark.slow
 def test_errors_of_many_cameras_are_those_that_are_stated():
-    """Fourteen cameras at two settings of 3 and 2 frames."""
+    """Eight cameras at two settings of 3 and 2 frames."""
     scores, squares = [], []
-    for seed in range(14):
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         arrays = ARRAY + rng.uniform(-0.3, 0.3), ARRAY + rng.uniform(-0.5, 0.5)
         changes = {"TURN": rng.uniform(-0.5, 0.5), "AXIS_ROW": rng.uniform(280.0, 300.0)}
@@ -152,10 +152,10 @@ def test_errors_of_many_cameras_are_those_that_are_stated():
         told = eigenvalues > 1e-9
         scores.append(z)
         squares.append(np.mean((axes.T @ z)[told] ** 2 / eigenvalues[told]))
-    # Root mean squares of 14 normal numbers are 1 +- 0.19, and of 14 times 10 independent ones 1 +- 0.06.
+    # Root mean squares of 8 normal numbers are 1 +- 0.25, and of 8 times 10 independent ones 1 +- 0.08.
     rms = np.sqrt(np.mean(np.square(scores), axis=0))
-    assert ((rms > 0.45) & (rms < 1.55)).all(), rms
-    assert 0.82 < np.sqrt(np.mean(squares)) < 1.18
+    assert ((rms > 0.28) & (rms < 1.72)).all(), rms
+    assert 0.76 < np.sqrt(np.mean(squares)) < 1.24
 
 
 def test_a_second_focus_gains_what_the_advice_says():

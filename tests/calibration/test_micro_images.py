@@ -176,15 +176,12 @@ def rendered(turn, lattice, pitch, focal_lengths, distance, stop, bits, filters)
 RENDERED = {
     "columns, 2.0": (0.0, HEXAGONAL, 0.217, (2.0,), 1.7, 4.6, 12, None),
     "rows, touching": (math.pi / 2, HEXAGONAL, 0.217, (2.0,), 2.0, 4.6, 12, pl.BayerPattern.RGGB),
-    "rows": (math.pi / 2 + 0.002, HEXAGONAL, 0.217, (2.0,), 2.0, 4.2, 8, None),
     "turned": (0.3, HEXAGONAL, 0.217, (2.0,), 2.0, 4.4, 12, pl.BayerPattern.GRBG),
     "three types": (0.0, HEXAGONAL, 0.217, (1.5, 1.8, 2.3), 1.7, 4.2, 12, pl.BayerPattern.RGGB),
     "small": (0.001, HEXAGONAL, 0.12, (1.1,), 1.1, 4.4, 10, pl.BayerPattern.RGGB),
-    "square": (0.0, SQUARE, 0.217, (2.0,), 2.0, 4.6, 10, None),
     "square, turned": (0.04, SQUARE, 0.217, (2.0,), 2.0, 4.4, 12, None),
     "square, large": (-0.002, SQUARE, 0.3, (2.7,), 2.7, 4.4, 8, None),
     "square, few": (0.0, SQUARE, 0.2907, (3.185,), 2.707, 4.3755, 8, None),
-    "rectangular": (0.0, RECTANGULAR, (0.217, 0.17), (2.0,), 2.0, 3.6, 12, None),
     "rectangular, turned": (-0.1, RECTANGULAR, (0.17, 0.23), (2.0,), 2.0, 3.6, 16, None),
     "rectangular, flat": (0.01, RECTANGULAR, (0.25, 0.2), (2.0,), 1.9, 4.0, 14, pl.BayerPattern.RGGB),
 }

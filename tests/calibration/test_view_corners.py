@@ -103,7 +103,7 @@ def observed(n=8):
     boards = [
         tilted((np.cos(a), np.sin(a), 0.0), 30.0, z=-400.0 - 15.0 * k) for k, a in enumerate(np.arange(n) * 2.2 + 0.2)
     ]
-    raws = [raw_of(shot_of(camera, board), camera, seed=k) for k, board in enumerate(boards)]
+    raws = [raw_of(shot_of(camera, board, samples=64), camera, seed=k) for k, board in enumerate(boards)]
     white = raw_of(white_of(camera), camera, 20000.0)
     return camera, boards, pl.calibration.observe(raws, white, DESIGN, pixel_pitch=PITCH)
 

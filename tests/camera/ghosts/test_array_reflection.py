@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import plenoptic as pl
-from plenoptic.camera.ghosts.array_reflection import Detour, fill_reflected
+from plenoptic.camera.ghosts.array_reflection import Detour, fill_reflection
 from plenoptic.camera.ghosts.ghost_camera import array_reflections, ghost_lens, ghost_record, opening_camera
 from plenoptic.camera.ghosts.ghost_rays import fill_ghost_rays
 from plenoptic.core.color.spectra import colour_tables
@@ -126,7 +126,7 @@ def reflected(camera, mirror, p, d, direction):
     rows = np.column_stack([p * axis, d * axis, np.ones(len(p)), np.zeros(len(p))])
     rows[:, 2] += z - direction * camera.stop_to_microlenses
     blocks = np.ascontiguousarray(rows.reshape(-1, BLOCK, 8).transpose(0, 2, 1))
-    fill_reflected(blocks.reshape(-1), Detour(reflection, z, lens), 0)
+    fill_reflection(blocks.reshape(-1), Detour(reflection, z, lens), 0)
     rows = blocks.transpose(0, 2, 1).reshape(-1, 8)
     assert np.all(rows[:, 7][rows[:, 6] > 0] == 0)
     q, e = rows[:, :3].copy(), rows[:, 3:6]
