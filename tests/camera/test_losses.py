@@ -8,7 +8,7 @@ import pytest
 from camera_helpers import GAUSS, bare_camera, camera_with, total, white, with_array
 
 import plenoptic as pl
-from plenoptic.camera.camera_record import camera_record, core_transmission
+from plenoptic.camera.camera_record import camera_record, lens_transmission
 from plenoptic.optics.lens.analysis.transmission import light_balance, transmission_to
 from plenoptic.rendering import Stage
 
@@ -20,6 +20,10 @@ SKY = pl.Scene(background=1.0)
 
 def coated(camera, coating=SINGLE):
     return dataclasses.replace(camera, lens=pl.optics.coated(camera.lens, coating))
+
+
+def in_colour(camera):
+    return dataclasses.replace(camera, sensitivity=pl.sensitivities.linear_srgb())
 
 
 def sky(camera, samples=16):
@@ -164,7 +168,7 @@ def test_plans_and_reports_state_losses_of_plates():
     elements = [*front, dataclasses.replace(last, medium=water)]
     wet = dataclasses.replace(weak, lens=dataclasses.replace(SINGLET, elements=elements, rear_medium=water))
     in_water = pl.optics.surface_powers(SINGLE, 1.33, 1.33 * 1.5, 1.0, 587.6).transmittance
-    assert camera_record(wet).array.model.losses.transmittance[0, 0, -1] == pytest.approx(float(in_water), rel=1e-12)
+    assert camera_record(wet).array.model.losses.transmittance[0, -1] == pytest.approx(float(in_water), rel=1e-12)
 
 
 def test_plans_and_reports_state_losses():
@@ -196,7 +200,7 @@ def test_replays_have_the_weight_of_their_path():
 def traced_core(camera, monkeypatch):
     """White image whose unvignetted core is traced."""
     with monkeypatch.context() as patch:
-        patch.setattr("plenoptic.camera.cache.core_transmission", lambda record: None)
+        patch.setattr("plenoptic.camera.cache.lens_transmission", lambda record: None)
         return white(dataclasses.replace(camera, lens=dataclasses.replace(camera.lens, name="traced")), 64)
 
 
@@ -207,17 +211,23 @@ def traced_core(camera, monkeypatch):
         coated(bare_camera(shape=(12, 16), pitch=1.5)),
         coated(camera_with(lens=GAUSS, b=0.5, shape=(48, 48), to_array=105.3)),
         coated(camera_with(lens=GAUSS.moved(0, tilt=(0.02, 0.0, 0.0)), shape=(48, 48))),
+        in_colour(coated(camera_with(lens=GAUSS, b=0.5, shape=(48, 48), to_array=105.3))),
+        in_colour(coated(bare_camera(shape=(12, 16), pitch=1.5))),
     ],
-    ids=["microlenses", "bare sensor", "fast lens", "tilted surface"],
+    ids=["microlenses", "bare sensor", "fast lens", "tilted surface", "fast lens, colours", "bare sensor, colours"],
 )
-def test_the_fitted_core_is_that_of_traced_rays(camera, monkeypatch):
-    """Within twice the tolerance of fits, 1e-6, which some rays exceed; lenses that are not centred are traced."""
+def test_the_fitted_transmission_is_that_of_traced_rays(camera, monkeypatch):
+    """Within twice the tolerance of fits, 1e-6, which some rays exceed; lenses that are not centred are traced.
+
+    Tables by wavelength, by which single rays are traced, are within 6e-7 at each of ten surfaces.
+    """
     record, fitted = camera_record(camera), white(camera, 64)
-    fit, traced = core_transmission(record), traced_core(camera, monkeypatch)
+    fit, traced = lens_transmission(record), traced_core(camera, monkeypatch)
     assert (fit is None) == (camera.lens.elements[0].placement is not None)
-    assert pl.plan(None, camera).runs(Stage.UNVIGNETTED_CORE) and fitted.image.max() > 0
-    np.testing.assert_allclose(fitted.image, traced.image, rtol=2e-6)
+    assert pl.plan(None, camera).runs(Stage.UNVIGNETTED_CORE) == (camera.sensitivity is None)
+    assert fitted.image.max() > 0
+    np.testing.assert_allclose(fitted.image, traced.image, rtol=2e-6 if camera.sensitivity is None else 8e-6)
     if fit is not None:
-        monkeypatch.setattr("plenoptic.camera.cache.core_transmission", lambda _: fit._replace(degree=0))
+        monkeypatch.setattr("plenoptic.camera.cache.lens_transmission", lambda _: fit._replace(degree=0))
         other = dataclasses.replace(camera, lens=dataclasses.replace(camera.lens, name="constant"))
         assert abs(white(other, 64).image / fitted.image - 1.0)[fitted.image > 0].max() > 1e-5
