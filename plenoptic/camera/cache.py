@@ -65,11 +65,6 @@ class PreparedCamera:
         )
         return other
 
-    def fit_transmission(self) -> None:
-        """Fit the transmission of a lens with losses, unless the record has it."""
-        if self.record.transmission is None:
-            self.record = self.record._replace(transmission=lens_transmission(self.record))
-
     def set_tiles(self, tiles: tuple[Pixels, ...], *, steps: bool) -> None:
         """Set the tiles to render, in several steps or at once, and clear the cache unless they are those of before."""
         self._caches = steps or self._tiles == tiles
@@ -118,7 +113,8 @@ def _prepare(camera: PlenopticCamera) -> PreparedCamera:
     if last and all(map(operator.is_, parts, last[0][0])):
         prepared = last[0][1].with_pose(camera)
     else:
-        prepared = PreparedCamera(camera_record(camera))
+        record = camera_record(camera)
+        prepared = PreparedCamera(record._replace(transmission=lens_transmission(record)))
     last[:] = [(parts, prepared)]
     return prepared
 

@@ -80,7 +80,6 @@ class CameraRays:
             self.waves, self.lens = np.empty(blocks * BLOCK, dtype=np.int64), camera.dispersed
             self._guide = np.searchsorted(camera.colour.cdf, np.arange(_GUIDES) / _GUIDES, side="right")
         assert self.core is None or self.lens.losses is None or self.lenslets is None
-        self._loses_light = self.lens.losses is not None
         if camera.transmission is not None:
             self.lens = self.lens._replace(losses=None)
         self._distant = None if illuminated.sources is None else np.empty(capacity, dtype=np.int64)
@@ -121,18 +120,13 @@ class CameraRays:
         sensor = self._camera.sensor
         fill_losses_before_array(bundle, sensor.plane, sensor.response, self._camera.dust)
         fill_through_array(bundle, self.lenslets, self._camera, self.waves)
-        fit = self._camera.transmission
-        if fit is not None:
-            fill_fitted_transmission(bundle, fit, self.waves)
         if self.core is not None:
             core = self.core[: bundle.size]
             fill_losses_before_array(core, sensor.plane, sensor.response, ())
-            if not self._loses_light:
+            if self._camera.lens.losses is None:
                 to_lens.fill_weights(core, sensor.plane)
             else:
                 fill_through_array(core, None, self._camera)
-                if fit is not None:
-                    fill_fitted_transmission(core, fit, self.waves)
 
     def fill_iris_deflections(self, bundle: Floats, start: int, n: int) -> None:
         """Deflect rays start ... start + n - 1 in front of the lens by diffraction at the iris, if enabled."""
@@ -144,18 +138,24 @@ class CameraRays:
 
     def fill_through_lens(self, bundle: Floats) -> None:
         """Trace a bundle through the lens and the dust on it, then add the weights of the unvignetted core."""
+        fit = self._camera.transmission
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_REAR)
+        if fit is not None:
+            fill_fitted_transmission(bundle, fit, self.waves)
         self._trace_lens(bundle, self.lens, self.waves)
         if self._pairs is not None and self._camera.ghosts is not None:
             fill_ghost_rays(bundle, self._camera.ghosts, self._pairs[: bundle.size // (RAY // BLOCK)], self.waves)
         fill_dust_at_lens(bundle, self._camera.dust, BlemishSite.LENS_FRONT)
         self._scale_radiance(bundle)
         if self.core is not None:
-            if self.lens.losses is not None:
-                self._trace_lens(self.core[: bundle.size], self.lens, self.waves)
-            self._scale_radiance(self.core[: bundle.size])
-            weights, core = bundle.reshape(-1, 8, BLOCK), self.core[: bundle.size].reshape(-1, 8, BLOCK)
-            weights[:, WEIGHT // BLOCK] += core[:, WEIGHT // BLOCK]
+            core = self.core[: bundle.size]
+            if fit is not None:
+                fill_fitted_transmission(core, fit, self.waves)
+            elif self.lens.losses is not None:
+                self._trace_lens(core, self.lens, self.waves)
+            self._scale_radiance(core)
+            weights, of_core = bundle.reshape(-1, 8, BLOCK), core.reshape(-1, 8, BLOCK)
+            weights[:, WEIGHT // BLOCK] += of_core[:, WEIGHT // BLOCK]
 
     def _scale_radiance(self, bundle: Floats) -> None:
         """Multiply weights by the ratio of radiances behind the lens and in front, where media differ."""

@@ -58,8 +58,6 @@ def render_context(subject: Subject, seed: int) -> RenderContext:
     prepared = subject.prepared
     record, intersector = (None, None) if prepared is None else (prepared.record, prepared.intersector)
     camera, plan = prepared_camera(subject.camera), plan_stages(record, subject)
-    if plan.runs(Stage.LOSSES):
-        camera.fit_transmission()
     if subject.ghosts is not None:
         from plenoptic.camera.ghosts.ghost_camera import ghost_camera  # few images have ghosts
 

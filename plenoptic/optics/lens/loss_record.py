@@ -46,10 +46,12 @@ class LossRecord(NamedTuple):
 
     def part(self, begin: int, end: int) -> LossRecord:
         """Losses of elements begin ... end - 1; before the first one nothing attenuates light."""
-        cut = LossRecord(*(None if column is None else column[begin:end].copy() for column in self))
-        if cut.attenuation is not None and cut.absorbing is not None:
-            cut.attenuation[0], cut.absorbing[0] = 0.0, False
-        return cut
+        transmittance, dispersed = (None if table is None else table[begin:end] for table in self[:2])
+        if self.attenuation is None or self.absorbing is None:
+            return LossRecord(transmittance, dispersed, None, None)
+        attenuation, absorbing = self.attenuation[begin:end].copy(), self.absorbing[begin:end].copy()
+        attenuation[0], absorbing[0] = 0.0, False
+        return LossRecord(transmittance, dispersed, attenuation, absorbing)
 
 
 def table_cosines() -> Floats:

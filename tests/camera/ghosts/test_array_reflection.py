@@ -228,7 +228,7 @@ def test_paths_of_each_wavelength_meet_microlenses_of_its_index():
         lit = (drawn == band) & (expected[:, 6] > 0)
         assert lit.sum() > 10
         np.testing.assert_allclose(both[lit, :6], expected[lit, :6], rtol=0, atol=1e-9)
-        np.testing.assert_allclose(both[lit, 6], expected[lit, 6], rtol=1e-9)
+        np.testing.assert_allclose(both[lit, 6], expected[lit, 6], rtol=1e-6)  # tables for one and for many
 
 
 def test_coated_microlenses_take_light_on_both_ways():
