@@ -9,6 +9,7 @@ import numpy as np
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
+from plenoptic.optics.element_record import ARCS, CIRCLE, MASK, POLYGON, RING, STAR
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
 
@@ -62,6 +63,7 @@ def transmission_fit(
     """
     if lens.frames is not None or lens.freeform is not None:
         return None
+    lens = _with_round_stops(lens)
     count = _RAYS if lens.index_ratios is None else _DISPERSED_RAYS
     u, (z_q, radius_q), (z_p, radius_p) = np.random.default_rng(0).random((3, count)), start, pupil
     q, p, angle = np.sqrt(u[0]), np.sqrt(u[1]), math.pi * u[2]
@@ -87,6 +89,13 @@ def transmission_fit(
                     return TransmissionFit(*planes, degree, coefficients, None)
                 return TransmissionFit(*planes, degree, chosen[1], chosen[0])
     return None
+
+
+def _with_round_stops(lens: LensRecord) -> LensRecord:
+    """The lens with circles around its stops, whose shapes and masks take light where rays are traced."""
+    rows = lens.rows.copy()
+    rows["kind"][np.isin(rows["kind"], (POLYGON, ARCS, STAR, MASK, RING))] = CIRCLE
+    return lens._replace(rows=rows, masks=None)
 
 
 def _transmitted(lens: LensRecord, origin: Floats, through: Floats) -> Floats:
