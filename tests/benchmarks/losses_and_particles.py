@@ -56,10 +56,15 @@ def losses(quick):
     """CPU time of the same samples with coatings over that without, and that at equal error."""
     side, samples, rounds = (16, 4, 1) if quick else (64, 256, 5)
     conventional = pl.camera.example_camera(pl.CameraKind.CONVENTIONAL, shape=(side, side))
+    in_colour = dataclasses.replace(conventional, sensitivity=pl.sensitivities.linear_srgb())
+    yellowish = dataclasses.replace(in_colour, lens=_absorbing(in_colour.lens))
     cases = {
         "`objects`": (pl.objects_scene(), reference.camera()),
         "a background": (pl.Scene(background=1.0), reference.camera()),
         "`check`, conventional": (pl.check_scene(), conventional),
+        "`check`, conventional, wavelengths drawn": (pl.check_scene(), in_colour),
+        "white, conventional, wavelengths drawn": (None, in_colour),
+        "white, conventional, wavelengths drawn, absorbing glass": (None, yellowish),
         "white": (None, reference.camera()),
         "white, plates": (None, _with_plates(reference.camera())),
     }
@@ -70,7 +75,7 @@ def losses(quick):
         else:
             coated = dataclasses.replace(camera, lens=pl.optics.coated(camera.lens, pl.optics.SingleLayer()))
         options = {"samples": samples, "threads": 1}
-        if camera is not conventional:
+        if camera.microlenses is not None:
             options["region"] = reference.middle(side)
         work = {
             which: functools.partial(reference.exposed, scene, one, **options)
@@ -84,6 +89,20 @@ def losses(quick):
         "on all surfaces of the lens, or on plates of microlenses behind a lens without coatings."
     )
     return Table("Losses of coatings", columns, rows, [remark])
+
+
+def _absorbing(lens):
+    """The lens with glasses that absorb, which cost nothing without coatings."""
+    elements = [
+        dataclasses.replace(
+            element,
+            medium=pl.optics.AbsorbingGlass(element.medium, [300, 500, 900], [0.9, 0.99, 0.995], thickness=10.0),
+        )
+        if isinstance(element, pl.Surface) and element.medium is not pl.optics.AIR
+        else element
+        for element in lens.elements
+    ]
+    return dataclasses.replace(lens, elements=elements)
 
 
 def _with_plates(camera, **changes):

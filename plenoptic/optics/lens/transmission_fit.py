@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,8 @@ _TOLERANCE = 1e-6
 class TransmissionFit(NamedTuple):
     """Polynomials in q^2, p . q and p^2 of the points q and p of a ray in two planes, over the radii of their discs.
 
-    The transmission at many wavelengths is a sum of products of a factor by wavelength and a polynomial: coatings and
-    glass take nearly the same part of all rays.
+    The transmission at many wavelengths is a constant for each and a sum of products of a factor by wavelength and a
+    polynomial: coatings and glass take nearly the same part of all rays.
     """
 
     z_q: float
@@ -41,9 +42,9 @@ class TransmissionFit(NamedTuple):
     degree: int
     """Largest sum of the exponents."""
     coefficients: Floats
-    """(parts, terms) in the order of `_exponents`."""
+    """(parts, terms) in the order of `_exponents`, whose last one is the constant: 0 at many wavelengths."""
     factors: Floats | None
-    """(wavelengths, parts); None for one wavelength and one part."""
+    """(wavelengths, 1 + parts): a constant, and the factor of each part; None for one wavelength and one part."""
 
 
 def _exponents(degree: int) -> list[tuple[int, int, int]]:
@@ -80,15 +81,30 @@ def transmission_fit(
             break
         terms = (powers[0, i, : n + _CHECKED] * powers[1, j, : n + _CHECKED] * powers[2, k, : n + _CHECKED]).T
         coefficients, checked = np.linalg.lstsq(terms[:n], light[:, :n].T)[0].T, light[:, n : n + _CHECKED]
-        factors, sizes, parts = np.linalg.svd(coefficients, full_matrices=False)
-        for rank in range(1, min(len(sizes), _MOST_PARTS) + 1):
-            chosen = np.ascontiguousarray(factors[:, :rank] * sizes[:rank]), np.ascontiguousarray(parts[:rank])
-            if np.abs(chosen[0] @ (chosen[1] @ terms[n:].T) - checked).max() <= _TOLERANCE * light.max():
-                planes = z_q, z_p, 1.0 / radius_q, 1.0 / radius_p
-                if lens.index_ratios is None:
-                    return TransmissionFit(*planes, degree, coefficients, None)
-                return TransmissionFit(*planes, degree, chosen[1], chosen[0])
+        for parts, factors in _few_parts(coefficients, dispersed=lens.index_ratios is not None):
+            values = parts @ terms[n:].T
+            if factors is not None:
+                values = factors[:, :1] + factors[:, 1:] @ values
+            if np.abs(values - checked).max() <= _TOLERANCE * light.max():
+                return TransmissionFit(z_q, z_p, 1.0 / radius_q, 1.0 / radius_p, degree, parts, factors)
     return None
+
+
+def _few_parts(coefficients: Floats, *, dispersed: bool) -> Iterator[tuple[Floats, Floats | None]]:
+    """Coefficients and factors of a `TransmissionFit`, with one part more each time.
+
+    `coefficients` (wavelengths, terms) are those of each wavelength. Constants differ most between wavelengths; without
+    them the rest needs one part less.
+    """
+    if not dispersed:
+        yield coefficients, None
+        return
+    constant, rest = coefficients[:, -1:], coefficients.copy()
+    rest[:, -1] = 0.0
+    factors, sizes, parts = np.linalg.svd(rest, full_matrices=False)
+    for rank in range(1, min(len(sizes), _MOST_PARTS) + 1):
+        chosen = np.concatenate([constant, factors[:, :rank] * sizes[:rank]], axis=1)
+        yield np.ascontiguousarray(parts[:rank]), chosen
 
 
 def _with_round_stops(lens: LensRecord) -> LensRecord:

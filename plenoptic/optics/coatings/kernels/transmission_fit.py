@@ -26,14 +26,16 @@ def fill_fitted_transmission(blocks, fit, waves):
             work[0, i] = qx * qx + qy * qy
             work[1, i] = px * qx + py * qy
             work[2, i] = px * px + py * py
-        work[6] = 0.0
-        for part in range(fit.coefficients.shape[0]):
-            _fill_polynomial(work, fit.coefficients[part], fit.degree)
-            if waves is None:
-                work[6] = work[5]
-            else:
+        if waves is None:
+            _fill_polynomial(work, fit.coefficients[0], fit.degree)
+            work[6] = work[5]
+        else:
+            for i in range(BLOCK):
+                work[6, i] = fit.factors[waves[b * BLOCK + i], 0]
+            for part in range(fit.coefficients.shape[0]):
+                _fill_polynomial(work, fit.coefficients[part], fit.degree)
                 for i in range(BLOCK):
-                    work[6, i] += fit.factors[waves[b * BLOCK + i], part] * work[5, i]
+                    work[6, i] += fit.factors[waves[b * BLOCK + i], part + 1] * work[5, i]
         for i in range(BLOCK):
             ray[WEIGHT + i] = ray[WEIGHT + i] * work[6, i] if ray[WEIGHT + i] > 0.0 else 0.0
 
@@ -46,8 +48,9 @@ def _fill_polynomial(work, coefficients, degree):
     for k in range(degree, -1, -1):
         work[4] = 0.0
         for j in range(degree - k, -1, -1):
-            work[3] = 0.0
-            for _ in range(degree - k - j + 1):
+            work[3] = coefficients[term]
+            term += 1
+            for _ in range(degree - k - j):
                 coefficient = coefficients[term]
                 term += 1
                 for i in range(BLOCK):
