@@ -72,8 +72,11 @@ def loss_record(lens: LensStack, wavelength: float | Floats, *, reverse: bool) -
     if not has_losses(lens):
         return None
     wavelengths = tuple(np.array(wavelength, dtype=np.float64, ndmin=1).tolist())
+    indices = np.array([lens.indices(each) for each in wavelengths])
     media, order = lens.gap_media, slice(None, None, -1 if reverse else 1)
-    tables = loss_tables(lambda cosines: _tables(lens, wavelengths, cosines)[order], isinstance(wavelength, np.ndarray))
+    tables = loss_tables(
+        lambda cosines: _tables(lens, wavelengths, indices, cosines)[order], isinstance(wavelength, np.ndarray)
+    )
     # Before the first element, the origin of a ray is arbitrary.
     per_mm = np.array([[attenuation(medium, each) for each in wavelengths] for medium in media])
     per_mm = per_mm[1:][order] if reverse else per_mm[:-1].copy()
@@ -104,9 +107,12 @@ def loss_tables(light: Callable[[tuple[float, ...]], Floats], dispersed: bool) -
     return None, np.ascontiguousarray(table)
 
 
-def _tables(lens: LensStack, wavelengths: tuple[float, ...], cosines: tuple[float, ...]) -> Floats:
-    """Light (n, wavelengths, cosines) that goes on behind each element, at cosines in the medium of lower index."""
-    indices, media = np.array([lens.indices(each) for each in wavelengths]), lens.gap_media
+def _tables(lens: LensStack, wavelengths: tuple[float, ...], indices: Floats, cosines: tuple[float, ...]) -> Floats:
+    """Light (n, wavelengths, cosines) that goes on behind each element, at cosines in the medium of lower index.
+
+    `indices` (wavelengths, n + 1) are those of the lens.
+    """
+    media = lens.gap_media
     transmittance = np.ones((len(lens.elements), len(wavelengths), len(cosines)))
     for k, element in enumerate(lens.elements):
         if isinstance(element, Surface):

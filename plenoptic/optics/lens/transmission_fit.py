@@ -14,7 +14,7 @@ from plenoptic.optics.element_record import ARCS, CIRCLE, MASK, POLYGON, RING, S
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
 
-_RAYS, _DISPERSED_RAYS, _RAYS_PER_TERM, _CHECKED, _DEGREES = 4096, 1536, 3, 1024, range(2, 9)
+_RAYS, _DISPERSED_RAYS, _RAYS_PER_TERM, _CHECKED, _DEGREES = 4096, 768, 3, 1024, range(2, 9)
 """Rays that are traced, whole blocks, and those at each of many wavelengths; those of a fit over its coefficients, most
 rays that check it, and degrees that are tried."""
 _MOST_PARTS = 6
