@@ -78,15 +78,19 @@ def losses(quick):
         if camera.microlenses is not None:
             options["region"] = reference.middle(side)
         work = {
-            which: functools.partial(reference.exposed, scene, one, **options)
+            (which, turn): functools.partial(reference.exposed, scene, one, **options)
             for which, one in (("ideal", camera), ("coated", coated))
+            for turn in ("first", "again")
         }
         costs, shots = taking_turns(work, rounds=rounds)
-        rows.append([name, *_compared(costs, shots, "ideal", "coated")])
+        setup = [median(costs[which, "first"]).cpu - median(costs[which, "again"]).cpu for which in ("ideal", "coated")]
+        rows.append([name, *_compared(costs, shots, ("ideal", "again"), ("coated", "again")), *setup])
     columns = "image | CPU s, ideal | CPU s, coated | times | error %, ideal | error %, coated | times at equal error"
+    columns += " | CPU s to set up, ideal | CPU s to set up, coated"
     remark = (
-        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a single layer of MgF2 "
-        "on all surfaces of the lens, or on plates of microlenses behind a lens without coatings."
+        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a render before each one "
+        "sets up its camera; a single layer of MgF2 on all surfaces of the lens, or on plates of "
+        "microlenses behind a lens without coatings."
     )
     return Table("Losses of coatings", columns, rows, [remark])
 

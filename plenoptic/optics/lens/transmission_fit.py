@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plenoptic.core.kernels.ray_blocks import BLOCK, RAY, WEIGHT
 from plenoptic.core.values import Floats
@@ -14,43 +14,48 @@ from plenoptic.optics.element_record import ARCS, CIRCLE, MASK, POLYGON, RING, S
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
 
-_RAYS, _DISPERSED_RAYS, _RAYS_PER_TERM, _CHECKED, _DEGREES = 4096, 768, 3, 1024, range(2, 9)
-"""Rays that are traced, whole blocks, and those at each of many wavelengths; those of a fit over its coefficients, most
-rays that check it, and degrees that are tried."""
-_MOST_PARTS = 6
-"""Most products of a factor by wavelength and a polynomial."""
-
-_TOLERANCE = 1e-6
-"""Largest error at rays without part in the fit, over the largest transmission: that of the tables of few surfaces."""
+_DRAWN, _RAYS = 8192, 1024
+"""Rays that are drawn, whole blocks, and most of them that are traced at all wavelengths: half for the fit, half to
+check it."""
+_RAYS_PER_TERM, _DEGREES, _MOST_PARTS = 3, range(1, 9), 12
+"""Fewest rays of a fit over its coefficients, degrees of polynomials, and most of these."""
+_TOLERANCE, _SHARE = 1e-6, 0.25
+"""Largest error at rays without part in the fit, over the largest transmission: that of the tables of few surfaces; and
+the part of it that one polynomial may bring."""
 
 
 class TransmissionFit(NamedTuple):
     """Polynomials in q^2, p . q and p^2 of the points q and p of a ray in two planes, over the radii of their discs.
 
-    The transmission at many wavelengths is a constant for each and a sum of products of a factor by wavelength and a
-    polynomial: coatings and glass take nearly the same part of all rays.
+    The transmission is a constant by wavelength and a sum of products of a factor by wavelength and a polynomial. Few
+    are enough, as coatings and glass take nearly the same part of all rays, and low degrees for all but the first,
+    which are small.
     """
 
     z_q: float
     """z of the plane of q in mm."""
     z_p: float
-    """z of the plane of p in mm."""
     per_q: float
-    """1 / radius of the disc of q, 1/mm."""
+    """One over the radius in mm of the disc in which the points q lie."""
     per_p: float
-    """1 / radius of the disc of p, 1/mm."""
-    degree: int
-    """Largest sum of the exponents."""
+    degrees: NDArray[np.int64]
+    """(parts,) largest sum of the exponents of each polynomial."""
     coefficients: Floats
-    """(parts, terms) in the order of `_exponents`, whose last one is the constant: 0 at many wavelengths."""
-    factors: Floats | None
-    """(wavelengths, 1 + parts): a constant, and the factor of each part; None for one wavelength and one part."""
+    """Those of all polynomials; see `_padded`."""
+    factors: Floats
+    """(wavelengths, 1 + parts): the constant and the factor of each part."""
 
 
 def _exponents(degree: int) -> list[tuple[int, int, int]]:
-    """Exponents of q^2, p . q and p^2 in the order of Horner's scheme: that of p^2 falls first, that of q^2 last."""
-    down = range(degree, -1, -1)
-    return [(i, j, k) for k in down for j in down for i in down if i + j + k <= degree]
+    """Exponents of the three variables by decreasing ones of the last, the second and the first: Horner's order."""
+    falling = range(degree, -1, -1)
+    return [(i, j, k) for k in falling for j in falling for i in falling if i + j + k <= degree]
+
+
+def _padded(coefficients: Floats, degree: int) -> Floats:
+    """Coefficients in the order of `_exponents`, after zeros where powers of q^2 are no multiple of four."""
+    groups = np.split(coefficients, [n for n, (i, _, _) in enumerate(_exponents(degree), 1) if i == 0][:-1])
+    return np.concatenate([np.append(np.zeros(-len(group) % 4), group) for group in groups])
 
 
 def transmission_fit(
@@ -65,46 +70,60 @@ def transmission_fit(
     if lens.frames is not None or lens.freeform is not None:
         return None
     lens = _with_round_stops(lens)
-    count = _RAYS if lens.index_ratios is None else _DISPERSED_RAYS
-    u, (z_q, radius_q), (z_p, radius_p) = np.random.default_rng(0).random((3, count)), start, pupil
+    u, (z_q, radius_q), (z_p, radius_p) = np.random.default_rng(0).random((3, _DRAWN)), start, pupil
     q, p, angle = np.sqrt(u[0]), np.sqrt(u[1]), math.pi * u[2]
-    origin = np.column_stack([radius_q * q, np.zeros(count), np.full(count, z_q)])
-    through = np.column_stack([radius_p * p * np.cos(angle), radius_p * p * np.sin(angle), np.full(count, z_p)])
-    light = _transmitted(lens, origin, through)
+    origin = np.column_stack([radius_q * q, np.zeros(_DRAWN), np.full(_DRAWN, z_q)])
+    through = np.column_stack([radius_p * p * np.cos(angle), radius_p * p * np.sin(angle), np.full(_DRAWN, z_p)])
+    rays = np.flatnonzero(_transmitted(lens, origin, through, 1)[0] > 0.0)[:_RAYS]
+    rays = rays[: len(rays) // BLOCK * BLOCK]
+    wavelengths = 1 if lens.index_ratios is None else lens.index_ratios.shape[1]
+    light = _transmitted(lens, origin[rays], through[rays], wavelengths)
     passes = (light > 0.0).all(axis=0)
-    light, variables = light[:, passes], np.stack([q * q, q * p * np.cos(angle), p * p])[:, passes]
-    powers = variables[:, np.newaxis] ** np.arange(_DEGREES.stop)[:, np.newaxis]
+    parts = _fitted_parts(light[:, passes], np.stack([q * q, q * p * np.cos(angle), p * p])[:, rays[passes]])
+    return None if parts is None else TransmissionFit(z_q, z_p, 1.0 / radius_q, 1.0 / radius_p, *parts)
+
+
+def _fitted_parts(light: Floats, variables: Floats) -> tuple[NDArray[np.int64], Floats, Floats] | None:
+    """Degrees, coefficients and factors of a fit to light (wavelengths, rays) by variables (3, rays)."""
+    half = light.shape[1] // 2
+    if half == 0:
+        return None
+    factors, tolerance = [light.mean(axis=1)], _TOLERANCE * light.max()
+    rest = light - factors[0][:, np.newaxis]
+    vectors = np.linalg.eigh(rest @ rest.T)[1][:, ::-1].T  # by falling share of the light
+    degrees, coefficients = [], [np.zeros(0)]
+    for factor in vectors[:_MOST_PARTS]:
+        if np.abs(rest[:, half:]).max() <= tolerance:
+            break
+        found = _polynomial(factor @ rest, variables, _SHARE * tolerance / np.abs(factor).max())
+        if found is None:
+            return None
+        degree, numbers, values = found
+        rest -= np.outer(factor, values)
+        factors.append(factor)
+        degrees.append(degree)
+        coefficients.append(_padded(numbers, degree))
+    if np.abs(rest[:, half:]).max() > tolerance:
+        return None
+    return np.array(degrees, dtype=np.int64), np.concatenate(coefficients), np.stack(factors, axis=1)
+
+
+def _polynomial(values: Floats, variables: Floats, tolerance: float) -> tuple[int, Floats, Floats] | None:
+    """Degree, coefficients and values of the polynomial of lowest degree that is within a tolerance of values (rays,).
+
+    It is fitted to half of the rays and checked at the others; None if no degree is high enough.
+    """
+    half, powers = len(values) // 2, variables[:, np.newaxis] ** np.arange(_DEGREES.stop)[:, np.newaxis]
     for degree in _DEGREES:
         i, j, k = np.array(_exponents(degree)).T
-        n = _RAYS_PER_TERM * len(i)
-        if 2 * n > light.shape[1]:
+        if half < _RAYS_PER_TERM * len(i):
             break
-        terms = (powers[0, i, : n + _CHECKED] * powers[1, j, : n + _CHECKED] * powers[2, k, : n + _CHECKED]).T
-        coefficients, checked = np.linalg.lstsq(terms[:n], light[:, :n].T)[0].T, light[:, n : n + _CHECKED]
-        for parts, factors in _few_parts(coefficients, dispersed=lens.index_ratios is not None):
-            values = parts @ terms[n:].T
-            if factors is not None:
-                values = factors[:, :1] + factors[:, 1:] @ values
-            if np.abs(values - checked).max() <= _TOLERANCE * light.max():
-                return TransmissionFit(z_q, z_p, 1.0 / radius_q, 1.0 / radius_p, degree, parts, factors)
+        terms = (powers[0, i] * powers[1, j] * powers[2, k]).T
+        coefficients = np.linalg.lstsq(terms[:half], values[:half])[0]
+        fitted = terms @ coefficients
+        if np.abs(fitted - values)[half:].max() <= tolerance:
+            return degree, coefficients, fitted
     return None
-
-
-def _few_parts(coefficients: Floats, *, dispersed: bool) -> Iterator[tuple[Floats, Floats | None]]:
-    """Coefficients and factors of a `TransmissionFit`, with one part more each time.
-
-    `coefficients` (wavelengths, terms) are those of each wavelength. Constants differ most between wavelengths; without
-    them the rest needs one part less.
-    """
-    if not dispersed:
-        yield coefficients, None
-        return
-    constant, rest = coefficients[:, -1:], coefficients.copy()
-    rest[:, -1] = 0.0
-    factors, sizes, parts = np.linalg.svd(rest, full_matrices=False)
-    for rank in range(1, min(len(sizes), _MOST_PARTS) + 1):
-        chosen = np.concatenate([constant, factors[:, :rank] * sizes[:rank]], axis=1)
-        yield np.ascontiguousarray(parts[:rank]), chosen
 
 
 def _with_round_stops(lens: LensRecord) -> LensRecord:
@@ -114,12 +133,12 @@ def _with_round_stops(lens: LensRecord) -> LensRecord:
     return lens._replace(rows=rows, masks=None)
 
 
-def _transmitted(lens: LensRecord, origin: Floats, through: Floats) -> Floats:
-    """Light (wavelengths, rays) of rays from points through others that passes the lens."""
+def _transmitted(lens: LensRecord, origin: Floats, through: Floats, wavelengths: int) -> Floats:
+    """Light (wavelengths, rays) of rays from points through others that passes the lens, at its first wavelengths."""
     direction, n = through - origin, len(origin)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     rows = np.column_stack([origin, direction, np.ones(n), np.zeros(n)]).reshape(-1, BLOCK, RAY // BLOCK)
-    light = np.empty((1 if lens.index_ratios is None else lens.index_ratios.shape[1], n))
+    light = np.empty((wavelengths, n))
     for wave, of_rays in enumerate(light):
         blocks = np.ascontiguousarray(rows.transpose(0, 2, 1))
         fill_through_lens(blocks.reshape(-1), lens, None if lens.index_ratios is None else np.full(n, wave))
