@@ -88,7 +88,7 @@ def losses(quick):
     columns = "image | CPU s, ideal | CPU s, coated | times | error %, ideal | error %, coated | times at equal error"
     columns += " | CPU s to set up, ideal | CPU s to set up, coated"
     remark = (
-        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a render before each one "
+        f"{side} x {side} pixels, {samples} samples, one thread, medians of {rounds} in turns; a render before each "
         "sets up its camera; a single layer of MgF2 on all surfaces of the lens, or on plates of "
         "microlenses behind a lens without coatings."
     )

@@ -21,7 +21,7 @@ _RAYS_PER_TERM, _DEGREES, _MOST_PARTS = 3, range(1, 9), 12
 """Fewest rays of a fit over its coefficients, degrees of polynomials, and most of these."""
 _TOLERANCE, _SHARE = 1e-6, 0.25
 """Largest error at rays without part in the fit, over the largest transmission: that of the tables of few surfaces; and
-the part of it that one polynomial may bring."""
+the part of it that one of several polynomials may bring."""
 
 
 class TransmissionFit(NamedTuple):
@@ -89,13 +89,14 @@ def _fitted_parts(light: Floats, variables: Floats) -> tuple[NDArray[np.int64], 
     if half == 0:
         return None
     factors, tolerance = [light.mean(axis=1)], _TOLERANCE * light.max()
+    of_part = tolerance if len(light) == 1 else _SHARE * tolerance
     rest = light - factors[0][:, np.newaxis]
     vectors = np.linalg.eigh(rest @ rest.T)[1][:, ::-1].T  # by falling share of the light
     degrees, coefficients = [], [np.zeros(0)]
     for factor in vectors[:_MOST_PARTS]:
         if np.abs(rest[:, half:]).max() <= tolerance:
             break
-        found = _polynomial(factor @ rest, variables, _SHARE * tolerance / np.abs(factor).max())
+        found = _polynomial(factor @ rest, variables, of_part / np.abs(factor).max())
         if found is None:
             return None
         degree, numbers, values = found
