@@ -14,9 +14,9 @@ from plenoptic.optics.element_record import ARCS, CIRCLE, MASK, POLYGON, RING, S
 from plenoptic.optics.lens.kernels.trace import fill_through_lens
 from plenoptic.optics.lens.lens_record import LensRecord
 
-_DRAWN, _RAYS = 8192, 1024
-"""Rays that are drawn, whole blocks, and most of them that are traced at all wavelengths: half for the fit, half to
-check it."""
+_DRAWN, _RAYS, _DISPERSED_RAYS = 8192, 4096, 1024
+"""Rays that are drawn, whole blocks, and most of them that are traced at one or at many wavelengths: half for the fit,
+half to check it."""
 _RAYS_PER_TERM, _DEGREES, _MOST_PARTS = 3, range(1, 9), 12
 """Fewest rays of a fit over its coefficients, degrees of polynomials, and most of these."""
 _TOLERANCE, _SHARE = 1e-6, 0.25
@@ -74,9 +74,9 @@ def transmission_fit(
     q, p, angle = np.sqrt(u[0]), np.sqrt(u[1]), math.pi * u[2]
     origin = np.column_stack([radius_q * q, np.zeros(_DRAWN), np.full(_DRAWN, z_q)])
     through = np.column_stack([radius_p * p * np.cos(angle), radius_p * p * np.sin(angle), np.full(_DRAWN, z_p)])
-    rays = np.flatnonzero(_transmitted(lens, origin, through, 1)[0] > 0.0)[:_RAYS]
+    wavelengths, most = (1, _RAYS) if lens.index_ratios is None else (lens.index_ratios.shape[1], _DISPERSED_RAYS)
+    rays = np.flatnonzero(_transmitted(lens, origin, through, 1)[0] > 0.0)[:most]
     rays = rays[: len(rays) // BLOCK * BLOCK]
-    wavelengths = 1 if lens.index_ratios is None else lens.index_ratios.shape[1]
     light = _transmitted(lens, origin[rays], through[rays], wavelengths)
     passes = (light > 0.0).all(axis=0)
     parts = _fitted_parts(light[:, passes], np.stack([q * q, q * p * np.cos(angle), p * p])[:, rays[passes]])
